@@ -1,0 +1,77 @@
+//! What a journal holds: everything a node saw, in the order it saw it, and everything it answered.
+
+use bincode::{Decode, Encode};
+
+use crate::codec::Message;
+use crate::{Input, NodeName, Stamp, Topic};
+
+/// One entry of a journal.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub struct JournalEntry {
+    /// The node's own time, which it was stepped with: virtual in lockstep.
+    pub at: Stamp,
+    /// The monotonic clock of the process.
+    pub wall: Stamp,
+    /// What happened.
+    pub what: Happening,
+}
+
+/// What an entry is about.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub enum Happening {
+    /// Bytes arrived.
+    Sample {
+        /// On which topic.
+        topic: Topic,
+        /// The bytes.
+        bytes: Vec<u8>,
+    },
+    /// The node's deadline came.
+    Wake,
+    /// A peer appeared or vanished.
+    Presence {
+        /// Which peer.
+        peer: NodeName,
+        /// Whether it is there.
+        alive: bool,
+    },
+    /// The process was asked to end.
+    Stop,
+    /// The node answered.
+    Output {
+        /// On which topic.
+        topic: Topic,
+        /// The bytes.
+        bytes: Vec<u8>,
+    },
+}
+
+impl From<Input<'_>> for Happening {
+    fn from(input: Input<'_>) -> Self {
+        match input {
+            Input::Sample { topic, bytes } => Self::Sample {
+                topic,
+                bytes: bytes.to_vec(),
+            },
+            Input::Wake => Self::Wake,
+            Input::Presence { peer, alive } => Self::Presence { peer, alive },
+            Input::Stop => Self::Stop,
+        }
+    }
+}
+
+/// Some consecutive entries of one node's journal.
+#[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
+pub struct JournalBatch {
+    /// The index of the first entry, from 0.
+    pub first: u64,
+    /// Entries that were lost before this batch because the journal could not keep up.
+    pub lost: u64,
+    /// The entries.
+    pub entries: Vec<JournalEntry>,
+}
+
+impl Message for JournalBatch {
+    const KIND: u8 = Topic::Journal(NodeName::Operator).kind();
+    const MAX_BYTES: usize = 1 << 22;
+}

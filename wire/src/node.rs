@@ -1,0 +1,102 @@
+//! What a node is: a value with one door.
+
+use crate::{Malformed, NodeName, Stamp, Topic};
+
+/// A pure step machine.
+///
+/// Inside [`step`](Self::step) there is no clock, randomness from outside, thread, log line or I/O: the same
+/// events at the same stamps give the same outputs, byte for byte, on every machine. That is what lets a
+/// recorded session be executed again. `step` is total: whatever comes in becomes state and outputs.
+pub trait Node {
+    /// Everything that can happen to the node.
+    type Event;
+    /// Everything that the node can cause.
+    type Output;
+
+    /// Takes in one event and leaves what follows from it in `outbox`.
+    fn step(&mut self, now: Stamp, event: Self::Event, outbox: &mut Outbox<Self::Output>);
+
+    /// When the node next wants to be woken without any event from outside; `None` if never.
+    fn deadline(&self) -> Option<Stamp>;
+}
+
+/// Where a step leaves its outputs, in order. Reused from step to step, so it stops allocating.
+#[derive(Debug)]
+pub struct Outbox<O> {
+    outputs: Vec<O>,
+}
+
+impl<O> Default for Outbox<O> {
+    fn default() -> Self {
+        Self {
+            outputs: Vec::with_capacity(8),
+        }
+    }
+}
+
+impl<O> Outbox<O> {
+    /// Adds an output.
+    pub fn push(&mut self, output: O) {
+        self.outputs.push(output);
+    }
+
+    /// Takes the outputs, oldest first.
+    pub fn drain(&mut self) -> impl Iterator<Item = O> + '_ {
+        self.outputs.drain(..)
+    }
+
+    /// The outputs so far.
+    #[must_use]
+    pub fn as_slice(&self) -> &[O] {
+        &self.outputs
+    }
+}
+
+/// What reaches a node from outside, before anybody has looked inside. This is what a journal holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Input<'a> {
+    /// Bytes arrived on a topic.
+    Sample {
+        /// Which topic.
+        topic: Topic,
+        /// The bytes, untrusted.
+        bytes: &'a [u8],
+    },
+    /// The node's deadline has come.
+    Wake,
+    /// A peer's presence token appeared or vanished. Presence only, never safety.
+    Presence {
+        /// Which peer.
+        peer: NodeName,
+        /// Whether it is there.
+        alive: bool,
+    },
+    /// The process is about to end: say goodbye.
+    Stop,
+}
+
+/// The bytes at a node's edge: inputs become events, outputs become samples. Pure, and total like the node.
+pub trait Ports: Node {
+    /// The node's name.
+    const NAME: NodeName;
+    /// The topics it listens to.
+    const INPUTS: &'static [Topic];
+    /// The topics it may publish.
+    const OUTPUTS: &'static [Topic];
+
+    /// Makes an event of an input. Bytes that cannot be read become an event that says so.
+    fn event(input: Input<'_>) -> Self::Event;
+
+    /// Writes an output's bytes into `bytes` (cleared first) and says which topic they belong to;
+    /// `None` for an output that stays inside the process.
+    fn sample(output: &Self::Output, bytes: &mut Vec<u8>) -> Option<Topic>;
+}
+
+/// A sample that could not be read, as an event.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Unreadable {
+    /// Where it came from.
+    pub topic: Topic,
+    /// What is wrong with it.
+    pub why: Malformed,
+}
