@@ -1,1 +1,36 @@
+//! The shell around Tandem's nodes: the only crate that names Zenoh.
+//!
+//! A node is pure; somebody has to own the clock, the sockets and the threads. [`spawn`] puts a node on a thread of
+//! its own and runs one loop: wait for bytes or for the node's deadline, write down what came, step the node, write
+//! down what it answered, publish. What was written down is the node's journal, which a thread of lower rank sends to
+//! whoever records.
+//!
+//! ```text
+//!   Zenoh callbacks ──▶ queue ──▶ [ journal · step · journal · publish ] ──▶ Zenoh
+//!                                        └──▶ journal thread ──▶ Zenoh (bulk)
+//! ```
+//!
+//! In real time `now` is the process's monotonic clock, streams go out express with real-time priority and may be
+//! dropped, and the queue drops (and counts) rather than blocks. In lockstep `now` is the tick in a message's header
+//! times the control period, and everything blocks, so that nothing is lost and time passes as fast as messages do.
+//!
+//! The shell refuses to know what a message means: it reads headers in lockstep and nothing else.
+//!
+//! Start reading at [`run`](mod@run); [`net`] opens sessions, [`config`] says where to.
 
+#![forbid(unsafe_code)]
+#![warn(missing_docs)]
+
+pub mod clock;
+pub mod config;
+mod journal;
+pub mod net;
+mod observer;
+pub mod run;
+
+pub use clock::{Clock, fresh_session};
+pub use config::{LinkSettings, LoopSettings, TaskSettings};
+pub use journal::JournalReport;
+pub use net::{Link, LinkError};
+pub use observer::{Observer, Sighting};
+pub use run::{Device, Report, Running, ShellOptions, spawn};

@@ -1,0 +1,424 @@
+//! The loop that every node lives in: wait, journal, step, publish.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread::JoinHandle;
+
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded};
+use tandem_wire::{
+    Delivery, Envelope, Happening, Input, Nanos, Node, NodeInfo, NodeName, Numbering, Outbox, Pace, Ports, Stamp,
+    Timing, Topic, codec, encode, keys,
+};
+use zenoh::Wait;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::{Publisher, Subscriber};
+use zenoh::query::Queryable;
+use zenoh::sample::{Sample, SampleKind};
+
+use crate::Clock;
+use crate::journal::{Journal, JournalReport};
+use crate::net::{Link, LinkError, QUERY_TIMEOUT, declare};
+
+/// Inputs that may wait for a node. In real time more are dropped and counted; a node that far behind is lost anyway.
+const QUEUE: usize = 4096;
+
+/// What the shell needs to know besides the node.
+#[derive(Clone, Debug)]
+pub struct ShellOptions {
+    /// Rates, and what drives time.
+    pub timing: Timing,
+    /// What the node answers when asked who it is. Its session is this run's.
+    pub info: NodeInfo,
+    /// In lockstep: the peers that must be there before the first step.
+    pub await_peers: Vec<NodeName>,
+}
+
+/// What became of a node's run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Report {
+    /// Steps taken.
+    pub steps: u64,
+    /// Inputs dropped because the node could not keep up.
+    pub dropped: u64,
+    /// The journal.
+    pub journal: JournalReport,
+}
+
+/// A node at work on its own thread.
+#[derive(Debug)]
+pub struct Running {
+    sender: Sender<Item>,
+    thread: JoinHandle<Report>,
+}
+
+impl Running {
+    /// Asks the node to end: it says goodbye, its journal is flushed.
+    pub fn stop(&self) {
+        // A node that is gone has stopped.
+        let _ = self.sender.send(Item::Stop);
+    }
+
+    /// Waits until the node has ended. `None` if its thread panicked.
+    #[must_use]
+    pub fn join(self) -> Option<Report> {
+        self.thread.join().ok()
+    }
+
+    /// Whether the node has ended.
+    #[must_use]
+    pub fn is_finished(&self) -> bool {
+        self.thread.is_finished()
+    }
+
+    /// The way in for raw samples of a device in this process.
+    #[must_use]
+    pub fn device(&self) -> Device {
+        Device {
+            sender: self.sender.clone(),
+        }
+    }
+}
+
+/// The way in for raw samples of a device in this process.
+#[derive(Clone, Debug)]
+pub struct Device {
+    sender: Sender<Item>,
+}
+
+impl Device {
+    /// Hands a sample to the node; says whether it was taken.
+    #[must_use]
+    pub fn send(&self, bytes: Vec<u8>) -> bool {
+        self.sender
+            .try_send(Item::Sample {
+                topic: Topic::Device,
+                bytes,
+            })
+            .is_ok()
+    }
+}
+
+enum Item {
+    Sample { topic: Topic, bytes: Vec<u8> },
+    Presence { peer: NodeName, alive: bool },
+    Stop,
+}
+
+impl Item {
+    fn input(&self) -> Input<'_> {
+        match self {
+            Self::Sample { topic, bytes } => Input::Sample { topic: *topic, bytes },
+            Self::Presence { peer, alive } => Input::Presence {
+                peer: *peer,
+                alive: *alive,
+            },
+            Self::Stop => Input::Stop,
+        }
+    }
+}
+
+/// Starts `node` on a thread of its own. `local` is given every output, those that stay in the process included, on
+/// that thread; it must not block.
+///
+/// # Errors
+/// If Zenoh refuses a declaration or the system a thread.
+pub fn spawn<N>(
+    link: &Link,
+    node: N,
+    options: ShellOptions,
+    local: impl FnMut(Stamp, &N::Output) + Send + 'static,
+) -> Result<Running, LinkError>
+where
+    N: Ports + Send + 'static,
+    N::Output: Send,
+{
+    let (sender, receiver) = bounded(QUEUE);
+    let dropped = Arc::new(AtomicU64::new(0));
+    let pace = options.timing.pace;
+    let entrance = Entrance {
+        sender: sender.clone(),
+        dropped: Arc::clone(&dropped),
+        pace,
+    };
+    let publishers = N::OUTPUTS
+        .iter()
+        .map(|&topic| Ok((topic, link.publisher(topic, pace)?)))
+        .collect::<Result<_, LinkError>>()?;
+    let journal_key = Topic::Journal(N::NAME);
+    let thread_refused = |error: std::io::Error| LinkError::Declare {
+        key: journal_key.key(&link.robot),
+        reason: error.to_string(),
+    };
+    let journal = match N::NAME {
+        // The recorder's inputs are the recording itself.
+        NodeName::Recorder => None,
+        _ => Some(
+            Journal::start(link.publisher(journal_key, pace)?, options.info.session, pace).map_err(thread_refused)?,
+        ),
+    };
+    let declared = Declared::new::<N>(link, &entrance, &options)?;
+    let shell = Shell {
+        node,
+        options,
+        local,
+        publishers,
+        journal,
+        clock: Clock::of_process(),
+        now: Stamp(0),
+        outbox: Outbox::default(),
+        bytes: Vec::new(),
+        steps: 0,
+    };
+    let thread = std::thread::Builder::new()
+        .name(N::NAME.as_str().into())
+        .spawn(move || {
+            let mut report = shell.live(&receiver);
+            drop(declared);
+            report.dropped = dropped.load(Ordering::Relaxed);
+            report
+        })
+        .map_err(thread_refused)?;
+    Ok(Running { sender, thread })
+}
+
+/// Where Zenoh's callbacks put what arrives.
+#[derive(Clone)]
+struct Entrance {
+    sender: Sender<Item>,
+    dropped: Arc<AtomicU64>,
+    pace: Pace,
+}
+
+impl Entrance {
+    fn put(&self, item: Item) {
+        let taken = match self.pace {
+            Pace::Lockstep => self.sender.send(item).is_ok(),
+            Pace::Real => self.sender.try_send(item).is_ok(),
+        };
+        if !taken {
+            self.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    fn sample(&self, topic: Topic, sample: &Sample) {
+        self.put(Item::Sample {
+            topic,
+            bytes: sample.payload().to_bytes().into_owned(),
+        });
+    }
+}
+
+/// What a node has declared, kept until it ends. The token comes last: who sees it can reach the subscribers.
+struct Declared {
+    _subscribers: Vec<Subscriber<()>>,
+    _info: Queryable<()>,
+    _token: LivelinessToken,
+}
+
+impl Declared {
+    fn new<N: Ports>(link: &Link, entrance: &Entrance, options: &ShellOptions) -> Result<Self, LinkError> {
+        let mut subscribers = Vec::new();
+        for &topic in N::INPUTS
+            .iter()
+            .filter(|topic| !matches!(topic, Topic::Device | Topic::Info(_)))
+        {
+            let (key, entrance) = (topic.key(&link.robot), entrance.clone());
+            let declared = link.session.declare_subscriber(&key);
+            let subscriber = declared.callback(move |sample| entrance.sample(topic, &sample)).wait();
+            subscribers.push(subscriber.map_err(|error| declare(&key, &error))?);
+        }
+        let info = answer_info::<N>(link, options)?;
+        let key = Topic::Alive(N::NAME).key(&link.robot);
+        let token = link
+            .session
+            .liveliness()
+            .declare_token(&key)
+            .wait()
+            .map_err(|error| declare(&key, &error))?;
+        subscribers.push(watch_presence::<N>(link, entrance)?);
+        Ok(Self {
+            _subscribers: subscribers,
+            _info: info,
+            _token: token,
+        })
+    }
+}
+
+/// Answers whoever asks who this node is.
+fn answer_info<N: Ports>(link: &Link, options: &ShellOptions) -> Result<Queryable<()>, LinkError> {
+    let key = Topic::Info(N::NAME).key(&link.robot);
+    let mut bytes = Vec::new();
+    let mut numbering = Numbering::new(options.info.session);
+    let envelope: Envelope<NodeInfo> = numbering.envelope(Clock::of_process().now(), 0, options.info.clone());
+    encode(&envelope, &mut bytes);
+    let reply_key = key.clone();
+    let queryable = link.session.declare_queryable(&key).callback(move |query| {
+        // Whoever asked and went away needs no answer.
+        let _ = query.reply(&reply_key, bytes.as_slice()).wait();
+    });
+    queryable.wait().map_err(|error| declare(&key, &error))
+}
+
+/// Reports peers that come and go; asks those for their configuration whose answer this node listens to.
+fn watch_presence<N: Ports>(link: &Link, entrance: &Entrance) -> Result<Subscriber<()>, LinkError> {
+    let key = format!("{}/{}/alive/*", keys::ROOT, link.robot);
+    let (entrance, session, robot) = (entrance.clone(), link.session.clone(), link.robot.clone());
+    let report = move |sample: Sample| {
+        let Some((_, Topic::Alive(peer))) = keys::parse(sample.key_expr().as_str()) else {
+            return;
+        };
+        let alive = sample.kind() == SampleKind::Put;
+        entrance.put(Item::Presence { peer, alive });
+        let topic = Topic::Info(peer);
+        if alive && N::INPUTS.contains(&topic) {
+            let entrance = entrance.clone();
+            let query = session.get(topic.key(&robot)).timeout(QUERY_TIMEOUT);
+            // A peer that vanishes again before it answers will be asked when it comes back.
+            let _ = query
+                .callback(move |reply| {
+                    reply
+                        .result()
+                        .into_iter()
+                        .for_each(|sample| entrance.sample(topic, sample))
+                })
+                .wait();
+        }
+    };
+    let subscriber = link
+        .session
+        .liveliness()
+        .declare_subscriber(&key)
+        .history(true)
+        .callback(report);
+    subscriber.wait().map_err(|error| declare(&key, &error))
+}
+
+struct Shell<N: Node, F> {
+    node: N,
+    options: ShellOptions,
+    local: F,
+    publishers: Vec<(Topic, Publisher<'static>)>,
+    journal: Option<Journal>,
+    clock: Clock,
+    now: Stamp,
+    outbox: Outbox<N::Output>,
+    bytes: Vec<u8>,
+    steps: u64,
+}
+
+impl<N: Ports, F: FnMut(Stamp, &N::Output)> Shell<N, F> {
+    fn live(mut self, receiver: &Receiver<Item>) -> Report {
+        let waited = self.await_peers(receiver);
+        for item in waited {
+            if self.take(&item) {
+                return self.end();
+            }
+        }
+        loop {
+            match self.next(receiver) {
+                Some(item) => {
+                    if self.take(&item) {
+                        return self.end();
+                    }
+                }
+                None => self.step(Input::Wake),
+            }
+        }
+    }
+
+    /// In lockstep nothing may be published before those who must answer are there.
+    fn await_peers(&self, receiver: &Receiver<Item>) -> VecDeque<Item> {
+        let mut missing = self.options.await_peers.clone();
+        let mut waiting = VecDeque::new();
+        while !missing.is_empty() {
+            let Ok(item) = receiver.recv() else { break };
+            let stop = matches!(item, Item::Stop);
+            if let Item::Presence { peer, alive: true } = item {
+                missing.retain(|name| *name != peer);
+            }
+            waiting.push_back(item);
+            if stop {
+                break;
+            }
+        }
+        waiting
+    }
+
+    /// The next item, or `None` when the node's deadline comes first.
+    fn next(&self, receiver: &Receiver<Item>) -> Option<Item> {
+        let deadline = match self.options.timing.pace {
+            Pace::Real => self.node.deadline().map(|stamp| self.clock.instant(stamp)),
+            Pace::Lockstep => None,
+        };
+        let received = match deadline {
+            Some(deadline) => receiver.recv_deadline(deadline),
+            None => receiver.recv().map_err(|_| RecvTimeoutError::Disconnected),
+        };
+        match received {
+            Ok(item) => Some(item),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => Some(Item::Stop),
+        }
+    }
+
+    /// Steps the node with an item; says whether it was the last.
+    fn take(&mut self, item: &Item) -> bool {
+        self.step(item.input());
+        matches!(item, Item::Stop)
+    }
+
+    fn step(&mut self, input: Input<'_>) {
+        let wall = self.clock.now();
+        self.now = match self.options.timing.pace {
+            Pace::Real => wall,
+            Pace::Lockstep => self.now.max(lockstep_now(input, self.options.timing.period)),
+        };
+        let now = self.now;
+        if let Some(journal) = &mut self.journal {
+            journal.write(now, wall, Happening::from(input));
+        }
+        self.node.step(now, N::event(input), &mut self.outbox);
+        self.steps += 1;
+        for output in self.outbox.drain() {
+            if let Some(topic) = N::sample(&output, &mut self.bytes) {
+                // Publish first: nothing that is only for the record may delay the robot.
+                let published = self.publishers.iter().find(|(name, _)| *name == topic);
+                if let Some((_, publisher)) = published {
+                    // A closed session is noticed by everyone's timeouts.
+                    let _ = publisher.put(self.bytes.as_slice()).wait();
+                }
+                if let Some(journal) = &mut self.journal {
+                    journal.write(
+                        now,
+                        self.clock.now(),
+                        Happening::Output {
+                            topic,
+                            bytes: self.bytes.clone(),
+                        },
+                    );
+                }
+            }
+            (self.local)(now, &output);
+        }
+    }
+
+    fn end(self) -> Report {
+        let journal = self.journal.map(Journal::close).unwrap_or_default();
+        Report {
+            steps: self.steps,
+            dropped: 0,
+            journal,
+        }
+    }
+}
+
+/// Lockstep's now: the tick in the header times the period. What has no header happens at the tick that is current.
+fn lockstep_now(input: Input<'_>, period: Nanos) -> Stamp {
+    match input {
+        Input::Sample { topic, bytes } if topic.delivery() != Delivery::Bulk => {
+            codec::peek(bytes).map_or(Stamp(0), |(_, header)| Stamp::of_tick(header.tick, period))
+        }
+        _ => Stamp(0),
+    }
+}
