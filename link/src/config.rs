@@ -28,7 +28,7 @@ settings! {
 }
 
 settings! {
-    /// Rates and limits in time; the same for all nodes of a robot.
+    /// Rates, limits in time and the seed; the same for all nodes of a robot.
     pub struct LoopSettings("loop") {
         /// What drives time.
         pub pace: PaceName = PaceName::Real;
@@ -40,6 +40,8 @@ settings! {
         pub timeout_ms: f64 = 100.0, in 10.0..=2000.0;
         /// A command or setpoint made from a state older than this is dropped, in milliseconds.
         pub loop_age_limit_ms: f64 = 500.0, in 20.0..=5000.0;
+        /// The seed of all that nodes draw at random: the simulated human's wish and the noise of its hand.
+        pub seed: u64 = 1;
     }
 }
 

@@ -1,6 +1,6 @@
 //! Watching a robot without taking part: the demo's table, trials and tests look through this.
 
-use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
+use crossbeam_channel::{Receiver, Sender, bounded};
 use std::time::Duration;
 use tandem_wire::{NodeName, Pace, Stamp, Topic, keys};
 use zenoh::Wait;
@@ -34,66 +34,84 @@ pub enum Sighting {
     },
 }
 
-/// Sees every message of a robot.
+/// Sees what happens around a robot.
 pub struct Observer {
     receiver: Receiver<Sighting>,
-    _subscribers: [Subscriber<()>; 2],
+    _subscribers: Vec<Subscriber<()>>,
 }
 
 impl Observer {
-    /// Starts to watch. In lockstep a slow watcher slows the loop; in real time it misses sightings.
+    /// Sees every message and who is there. In lockstep a slow watcher slows the loop; in real time it misses sightings.
     ///
     /// # Errors
     /// If Zenoh refuses.
     pub fn new(link: &Link, pace: Pace) -> Result<Self, LinkError> {
         let (sender, receiver) = bounded(QUEUE);
-        let clock = Clock::of_process();
-        let put = move |sighting| {
-            // Gone or, in real time, too slow: an observer owes nobody anything.
-            let _ = match pace {
-                Pace::Lockstep => sender.send(sighting).is_ok(),
-                Pace::Real => sender.try_send(sighting).is_ok(),
-            };
-        };
-        let put_presence = put.clone();
-        let key = link.robot.everything();
-        let samples = link.session.declare_subscriber(&key).callback(move |sample| {
-            if let Some((_, topic)) = keys::parse(sample.key_expr().as_str()) {
-                put(Sighting::Sample {
-                    at: clock.now(),
-                    topic,
-                    bytes: sample.payload().to_bytes().into_owned(),
-                });
-            }
-        });
-        let samples = samples.wait().map_err(|error| declare(&key, &error))?;
-        let key = format!("{}/{}/alive/*", keys::ROOT, link.robot);
-        let presence = link
-            .session
-            .liveliness()
-            .declare_subscriber(&key)
-            .history(true)
-            .callback(move |sample| {
-                if let Some((_, Topic::Alive(peer))) = keys::parse(sample.key_expr().as_str()) {
-                    put_presence(Sighting::Presence {
-                        peer,
-                        alive: sample.kind() == SampleKind::Put,
-                    });
-                }
-            });
-        let presence = presence.wait().map_err(|error| declare(&key, &error))?;
+        let subscribers = vec![
+            watch_samples(link, pace, sender.clone())?,
+            watch_presence(link, sender)?,
+        ];
         Ok(Self {
             receiver,
-            _subscribers: [samples, presence],
+            _subscribers: subscribers,
+        })
+    }
+
+    /// Sees who is there and nothing else.
+    ///
+    /// # Errors
+    /// If Zenoh refuses.
+    pub fn of_presence(link: &Link) -> Result<Self, LinkError> {
+        let (sender, receiver) = bounded(QUEUE);
+        Ok(Self {
+            receiver,
+            _subscribers: vec![watch_presence(link, sender)?],
         })
     }
 
     /// The next sighting, or `None` after `limit` without one.
     #[must_use]
     pub fn next(&self, limit: Duration) -> Option<Sighting> {
-        match self.receiver.recv_timeout(limit) {
-            Ok(sighting) => Some(sighting),
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
-        }
+        self.receiver.recv_timeout(limit).ok()
     }
+}
+
+fn watch_samples(link: &Link, pace: Pace, sender: Sender<Sighting>) -> Result<Subscriber<()>, LinkError> {
+    let clock = Clock::of_process();
+    let key = link.robot.everything();
+    let subscriber = link.session.declare_subscriber(&key).callback(move |sample| {
+        let Some((_, topic)) = keys::parse(sample.key_expr().as_str()) else {
+            return;
+        };
+        let sighting = Sighting::Sample {
+            at: clock.now(),
+            topic,
+            bytes: sample.payload().to_bytes().into_owned(),
+        };
+        // Gone or, in real time, too slow: an observer owes nobody anything.
+        let _ = match pace {
+            Pace::Lockstep => sender.send(sighting).is_ok(),
+            Pace::Real => sender.try_send(sighting).is_ok(),
+        };
+    });
+    subscriber.wait().map_err(|error| declare(&key, &error))
+}
+
+fn watch_presence(link: &Link, sender: Sender<Sighting>) -> Result<Subscriber<()>, LinkError> {
+    let key = format!("{}/{}/alive/*", keys::ROOT, link.robot);
+    let subscriber = link
+        .session
+        .liveliness()
+        .declare_subscriber(&key)
+        .history(true)
+        .callback(move |sample| {
+            if let Some((_, Topic::Alive(peer))) = keys::parse(sample.key_expr().as_str()) {
+                // An observer that is gone needs no news.
+                let _ = sender.try_send(Sighting::Presence {
+                    peer,
+                    alive: sample.kind() == SampleKind::Put,
+                });
+            }
+        });
+    subscriber.wait().map_err(|error| declare(&key, &error))
 }

@@ -127,7 +127,7 @@ pub fn spawn<N>(
     link: &Link,
     node: N,
     options: ShellOptions,
-    local: impl FnMut(Stamp, &N::Output) + Send + 'static,
+    local: impl FnMut(Stamp, N::Output) + Send + 'static,
 ) -> Result<Running, LinkError>
 where
     N: Ports + Send + 'static,
@@ -307,7 +307,7 @@ struct Shell<N: Node, F> {
     steps: u64,
 }
 
-impl<N: Ports, F: FnMut(Stamp, &N::Output)> Shell<N, F> {
+impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
     fn live(mut self, receiver: &Receiver<Item>) -> Report {
         let waited = self.await_peers(receiver);
         for item in waited {
@@ -353,7 +353,7 @@ impl<N: Ports, F: FnMut(Stamp, &N::Output)> Shell<N, F> {
         };
         let received = match deadline {
             Some(deadline) => receiver.recv_deadline(deadline),
-            None => receiver.recv().map_err(|_| RecvTimeoutError::Disconnected),
+            None => receiver.recv().map_err(RecvTimeoutError::from),
         };
         match received {
             Ok(item) => Some(item),
@@ -399,7 +399,7 @@ impl<N: Ports, F: FnMut(Stamp, &N::Output)> Shell<N, F> {
                     );
                 }
             }
-            (self.local)(now, &output);
+            (self.local)(now, output);
         }
     }
 

@@ -1,1 +1,100 @@
-fn main() {}
+//! `tandem`: the whole stack behind one command. One module per subcommand, nothing clever.
+
+mod configuration;
+mod demo;
+mod forecast;
+mod interrupt;
+mod latency;
+mod nodes;
+mod shipped;
+mod summary;
+mod table;
+mod train;
+mod trial;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::configuration::CommonFlags;
+
+/// The program's version and the revision it was built from.
+pub(crate) const BUILD: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("TANDEM_REVISION"), ")");
+
+/// Shared control of a robot arm: a human and a forecast, blended by confidence.
+#[derive(Parser)]
+#[command(name = "tandem", version = BUILD)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Subcommands,
+}
+
+#[derive(Subcommand)]
+enum Subcommands {
+    /// Runs the whole loop in this process: a simulated human and CESN+ steer a Panda around two obstacles.
+    Demo(demo::DemoFlags),
+    /// Runs the operator's node: where commands come from.
+    Operator(nodes::OperatorFlags),
+    /// Runs the predictor's node: what the robot would do, and how sure it is.
+    Predictor(nodes::PredictorFlags),
+    /// Runs the arbiter's node: who drives.
+    Arbiter(nodes::ArbiterFlags),
+    /// Runs the simulated robot's node.
+    RobotSim(nodes::RobotSimFlags),
+    /// Runs the recorder's node: session file and live view.
+    Recorder(nodes::RecorderFlags),
+    /// Trains a model from demonstrations.
+    Train(train::TrainFlags),
+    /// Prints a model's forecast for a context.
+    Forecast(forecast::ForecastFlags),
+    /// Works with the configuration.
+    Config {
+        #[command(subcommand)]
+        command: ConfigCommands,
+    },
+}
+
+#[derive(Subcommand)]
+enum ConfigCommands {
+    /// Prints the effective configuration with an explanation of every key.
+    Show(CommonFlags),
+}
+
+/// How a command ended, as its exit code promises.
+pub(crate) enum Outcome {
+    /// 0: done.
+    Done,
+    /// 1: it ran, but did not do what it was for; the output says why.
+    Failed,
+    /// 3: done, but samples were lost on the way to the file.
+    SamplesLost,
+}
+
+fn main() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Subcommands::Demo(flags) => demo::run(&flags),
+        Subcommands::Operator(flags) => nodes::operator(&flags),
+        Subcommands::Predictor(flags) => nodes::predictor(&flags),
+        Subcommands::Arbiter(flags) => nodes::arbiter(&flags),
+        Subcommands::RobotSim(flags) => nodes::robot_sim(&flags),
+        Subcommands::Recorder(flags) => nodes::recorder(&flags),
+        Subcommands::Train(flags) => train::run(&flags),
+        Subcommands::Forecast(flags) => forecast::run(&flags),
+        Subcommands::Config {
+            command: ConfigCommands::Show(flags),
+        } => configuration::print(&flags),
+    };
+    match result {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::Failed) => ExitCode::from(1),
+        Ok(Outcome::SamplesLost) => ExitCode::from(3),
+        Err(error) => {
+            eprintln!("tandem: {error:#}");
+            ExitCode::from(if error.is::<configuration::BadConfiguration>() {
+                2
+            } else {
+                1
+            })
+        }
+    }
+}

@@ -27,6 +27,11 @@ fn benches(criterion: &mut Criterion) {
     round_trip(criterion, "proposal", samples::proposal());
     round_trip(criterion, "setpoint", samples::setpoint());
     round_trip(criterion, "state", samples::state());
+    round_trip(criterion, "forecast", samples::forecast());
+    round_trip(criterion, "scene", samples::scene());
+    round_trip(criterion, "trial", samples::trial());
+    round_trip(criterion, "journal", samples::journal());
+    round_trip(criterion, "info", samples::info());
 }
 
 criterion_group!(codec, benches);

@@ -2,7 +2,7 @@
 
 use tandem_wire::*;
 
-pub fn header() -> Header {
+pub(crate) fn header() -> Header {
     Header {
         tick: 41,
         session: Session(0x0123_4567_89ab_cdef),
@@ -38,7 +38,7 @@ fn guidance() -> Guidance {
     }
 }
 
-pub fn command() -> Command {
+pub(crate) fn command() -> Command {
     Command {
         velocity: Vec3::new(0.25, -0.5, 0.0),
         deadman: Deadman::Held { press: 3 },
@@ -46,14 +46,14 @@ pub fn command() -> Command {
     }
 }
 
-pub fn proposal() -> Proposal {
+pub(crate) fn proposal() -> Proposal {
     Proposal {
         seen: Some(id(41)),
         guidance: Some(guidance()),
     }
 }
 
-pub fn forecast() -> Forecast {
+pub(crate) fn forecast() -> Forecast {
     let point = ForecastPoint {
         position: Vec3::new(0.5, 0.1, 0.15),
         half_width: Vec3::new(0.001, 0.002, 0.0),
@@ -69,7 +69,7 @@ pub fn forecast() -> Forecast {
     }
 }
 
-pub fn setpoint() -> Setpoint {
+pub(crate) fn setpoint() -> Setpoint {
     let used = |seq| {
         Some(Used {
             id: id(seq),
@@ -100,7 +100,7 @@ pub fn setpoint() -> Setpoint {
     }
 }
 
-pub fn state() -> State {
+pub(crate) fn state() -> State {
     let clearance = Clearance {
         distance: Finite(0.0625),
         body: 9,
@@ -136,7 +136,7 @@ pub fn state() -> State {
     }
 }
 
-pub fn scene() -> Scene {
+pub(crate) fn scene() -> Scene {
     Scene {
         obstacles: vec![Cylinder {
             foot: Vec3::new(0.5, 0.0, 0.0),
@@ -160,14 +160,14 @@ pub fn scene() -> Scene {
     }
 }
 
-pub fn trial() -> Trial {
+pub(crate) fn trial() -> Trial {
     Trial::Begin {
         number: 1,
         label: "first".into(),
     }
 }
 
-pub fn info() -> NodeInfo {
+pub(crate) fn info() -> NodeInfo {
     NodeInfo {
         session: Session(77),
         config: "[loop]\n".into(),
@@ -177,7 +177,7 @@ pub fn info() -> NodeInfo {
     }
 }
 
-pub fn journal() -> JournalBatch {
+pub(crate) fn journal() -> JournalBatch {
     let entry = |what| JournalEntry {
         at: Stamp(4_100_000_000),
         wall: Stamp(5),

@@ -1,0 +1,218 @@
+//! What the arbiter has heard and may act on: the first two steps of the safety order, for all three streams.
+//!
+//! A message is admitted only if its maker had seen a recent state, if it comes from the sender that is being
+//! listened to, and in order. What was admitted serves until the next message of its stream, or until the stream is
+//! lost. All ages are by the arbiter's own clock.
+
+use tandem_wire::{
+    Command, Echoes, Envelope, Guard, Guidance, Header, MessageId, Nanos, Pace, Proposal, Reason, Refusal, Refusals,
+    Session, Stamp, State, Timing, Used, Vec3,
+};
+
+/// The three streams.
+#[derive(Clone, Debug)]
+pub(crate) struct Hearing {
+    pace: Pace,
+    loop_age_limit: Nanos,
+    states: Guard,
+    commands: Guard,
+    proposals: Guard,
+    echoes: Echoes,
+    robot: Option<Robot>,
+    command: Option<Heard<Command>>,
+    proposal: Option<Heard<Proposal>>,
+    /// A command was dropped for its loop age since the last one that was admitted.
+    too_old: bool,
+    refused: Refusals,
+}
+
+/// A message that serves until the next one of its stream.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Heard<M> {
+    pub(crate) header: Header,
+    pub(crate) body: M,
+    arrived: Stamp,
+}
+
+/// What the newest state told.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Robot {
+    pub(crate) id: MessageId,
+    pub(crate) tick: u32,
+    /// Where the tool's tip is.
+    pub(crate) tool: Vec3,
+    trial: (u32, u32),
+    /// The first state seen in this trial: guidance that answers an earlier one belongs to the trial before.
+    trial_since: MessageId,
+}
+
+/// What an admitted message changed besides taking the place of the one before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Change {
+    None,
+    /// Another sender, or another trial.
+    Anew,
+}
+
+impl Hearing {
+    pub(crate) fn new(timing: &Timing) -> Self {
+        let guard = Guard::new(timing.stream_timeout());
+        Self {
+            pace: timing.pace,
+            loop_age_limit: timing.loop_age_limit,
+            states: guard.clone(),
+            commands: guard.clone(),
+            proposals: guard,
+            echoes: Echoes::default(),
+            robot: None,
+            command: None,
+            proposal: None,
+            too_old: false,
+            refused: Refusals::default(),
+        }
+    }
+
+    /// Takes in a command. [`Change::Anew`] if it comes from another run of the operator than the one before.
+    pub(crate) fn admit_command(&mut self, now: Stamp, command: &Envelope<Command>) -> Result<Change, Refusal> {
+        if let Err(why) = self.check_loop(now, command.body.seen) {
+            self.too_old = true;
+            return Err(why);
+        }
+        let before = self.commands.session();
+        self.commands.admit(now, &command.header)?;
+        self.too_old = false;
+        self.command = Some(Heard::new(now, command));
+        Ok(changed(before, command.header.session))
+    }
+
+    /// Takes in a proposal.
+    pub(crate) fn admit_proposal(&mut self, now: Stamp, proposal: &Envelope<Proposal>) -> Result<(), Refusal> {
+        self.check_loop(now, proposal.body.seen)?;
+        self.proposals.admit(now, &proposal.header)?;
+        self.proposal = Some(Heard::new(now, proposal));
+        Ok(())
+    }
+
+    /// Takes in a state. [`Change::Anew`] if it begins another trial, or comes from another run of the robot.
+    pub(crate) fn admit_state(&mut self, now: Stamp, state: &Envelope<State>) -> Result<Change, Refusal> {
+        self.states.admit(now, &state.header)?;
+        let id = state.header.id();
+        self.echoes.note(now, id);
+        let trial = (state.body.trial, state.body.trial_start);
+        let same = self
+            .robot
+            .filter(|before| before.trial == trial && before.id.session == id.session);
+        self.robot = Some(Robot {
+            id,
+            tick: state.header.tick,
+            tool: state.body.tool.position,
+            trial,
+            trial_since: same.map_or(id, |before| before.trial_since),
+        });
+        Ok(if same.is_some() { Change::None } else { Change::Anew })
+    }
+
+    /// Counts a dropped message.
+    pub(crate) fn refuse(&mut self, why: Refusal) {
+        self.refused.add(why);
+    }
+
+    /// What was dropped so far.
+    pub(crate) fn refused(&self) -> Refusals {
+        self.refused
+    }
+
+    /// The newest state.
+    pub(crate) fn robot(&self) -> Option<Robot> {
+        self.robot
+    }
+
+    /// The newest command, unless the stream is lost.
+    pub(crate) fn command(&self, now: Stamp) -> Option<Heard<Command>> {
+        self.command.filter(|_| !self.is_lost(&self.commands, now))
+    }
+
+    /// The newest proposal, unless the stream is lost.
+    pub(crate) fn proposal(&self, now: Stamp) -> Option<Heard<Proposal>> {
+        self.proposal.filter(|_| !self.is_lost(&self.proposals, now))
+    }
+
+    /// The guidance of a proposal and its tick, if it belongs to the running trial.
+    pub(crate) fn guidance(&self, proposal: &Heard<Proposal>) -> Option<(u32, Guidance)> {
+        let (robot, seen) = (self.robot?, proposal.body.seen?);
+        let of_this_trial = seen.session == robot.trial_since.session && seen.seq >= robot.trial_since.seq;
+        let guidance = proposal.body.guidance.filter(|_| of_this_trial)?;
+        Some((proposal.header.tick, guidance))
+    }
+
+    /// The tick of which state, command and proposal are all there, if the newest state's is one.
+    pub(crate) fn complete_tick(&self) -> Option<u32> {
+        let tick = self.robot?.tick;
+        (self.command?.header.tick == tick && self.proposal?.header.tick == tick).then_some(tick)
+    }
+
+    /// The loss that forbids motion now.
+    pub(crate) fn loss(&self, now: Stamp) -> Option<Reason> {
+        match self.states.silent(now) {
+            Some(silent) if self.is_lost(&self.states, now) => Some(Reason::StateLost { silent }),
+            _ if !self.is_lost(&self.commands, now) => None,
+            _ if self.too_old => Some(Reason::LoopTooOld),
+            _ => Some(match self.commands.silent(now) {
+                Some(silent) => Reason::CommandLost { silent },
+                None => Reason::NoCommandYet,
+            }),
+        }
+    }
+
+    /// When the next loss happens unless something arrives.
+    pub(crate) fn loss_at(&self) -> Option<Stamp> {
+        let losses = [self.states.deadline(), self.commands.deadline()];
+        losses.into_iter().flatten().min()
+    }
+
+    /// Whether a stream is lost. In lockstep silence is waited for, not timed.
+    fn is_lost(&self, stream: &Guard, now: Stamp) -> bool {
+        self.pace == Pace::Real && stream.is_lost(now)
+    }
+
+    /// Refuses what was made from a state that is too old.
+    ///
+    /// A state that we have not seen ourselves yet is not too old: the answer to it overtook it. In lockstep an
+    /// answer names its tick and waits for that tick's state, so there is nothing to be late for.
+    fn check_loop(&self, now: Stamp, seen: Option<MessageId>) -> Result<(), Refusal> {
+        let ahead = seen
+            .zip(self.states.newest())
+            .is_some_and(|(seen, newest)| seen.session == newest.session && seen.seq > newest.seq);
+        if ahead || self.pace == Pace::Lockstep {
+            return Ok(());
+        }
+        self.echoes.admit(now, seen, self.loop_age_limit).map(|_age| ())
+    }
+}
+
+impl<M: Copy> Heard<M> {
+    fn new(now: Stamp, message: &Envelope<M>) -> Self {
+        Self {
+            header: message.header,
+            body: message.body,
+            arrived: now,
+        }
+    }
+
+    /// How the setpoint's record names it.
+    pub(crate) fn used(&self, now: Stamp) -> Used {
+        Used {
+            id: self.header.id(),
+            sent: self.header.sent,
+            age: now.since(self.arrived),
+        }
+    }
+}
+
+fn changed(before: Option<Session>, after: Session) -> Change {
+    if before == Some(after) {
+        Change::None
+    } else {
+        Change::Anew
+    }
+}

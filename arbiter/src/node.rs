@@ -1,0 +1,238 @@
+//! The step machine: one named handler per event, and the arbitration that they lead to.
+
+use tandem_wire::{
+    Command, Envelope, Finite, Limited, Node, Numbering, Outbox, Pace, Proposal, Reason, Refusal, Session, Setpoint,
+    Stamp, State, Timing, Unreadable, Vec3,
+};
+
+use crate::authority::{Authority, Helm};
+use crate::config::{ArbiterSettings, WorkspaceTurnedOver};
+use crate::hearing::{Change, Hearing};
+use crate::limits::Limits;
+use crate::weight::Weight;
+
+/// Everything that can happen to the arbiter.
+#[derive(Clone, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a state is a kilobyte; a box would allocate for every one of them"
+)]
+pub enum Event {
+    /// The operator's command.
+    Command(Envelope<Command>),
+    /// The predictor's proposal.
+    Proposal(Envelope<Proposal>),
+    /// The robot's state.
+    State(Envelope<State>),
+    /// Bytes that are no message.
+    Unreadable(Unreadable),
+    /// The deadline has come.
+    Wake,
+    /// Somebody's token appeared or vanished, which decides nothing here.
+    Presence,
+    /// The process is about to end.
+    Stop,
+}
+
+/// Everything that the arbiter can cause.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Output {
+    /// A decision, with the record of why.
+    Setpoint(Envelope<Setpoint>),
+}
+
+/// The arbiter; see the [crate's page](crate) for its states.
+#[derive(Clone, Debug)]
+pub struct Arbiter {
+    timing: Timing,
+    numbering: Numbering,
+    hearing: Hearing,
+    helm: Helm,
+    weight: Weight,
+    limits: Limits,
+    /// When the last setpoint was sent.
+    sent: Option<Stamp>,
+    /// The last tick answered in lockstep.
+    answered: Option<u32>,
+}
+
+/// No hand and no arm is this fast, in metres per second; beyond it a blend could overflow.
+const ABSURD_SPEED: f64 = 1e3;
+
+impl Arbiter {
+    /// An arbiter that numbers its setpoints in `session`.
+    ///
+    /// # Errors
+    /// When the workspace is turned over; everything else was checked when `settings` were read.
+    pub fn new(session: Session, timing: Timing, settings: &ArbiterSettings) -> Result<Self, WorkspaceTurnedOver> {
+        Ok(Self {
+            timing,
+            numbering: Numbering::new(session),
+            hearing: Hearing::new(&timing),
+            helm: Helm::new(),
+            weight: Weight::new(settings.weight_rules(&timing)),
+            limits: Limits::new(settings.bounds(&timing)?),
+            sent: None,
+            answered: None,
+        })
+    }
+
+    /// Who is in charge.
+    #[must_use]
+    pub fn authority(&self) -> Authority {
+        self.helm.authority()
+    }
+
+    fn on_command(&mut self, now: Stamp, command: &Envelope<Command>, outbox: &mut Outbox<Output>) {
+        match self.hearing.admit_command(now, command) {
+            Err(why) => return self.hearing.refuse(why),
+            Ok(Change::Anew) => self.helm.change_hands(),
+            Ok(Change::None) => {}
+        }
+        if self.hearing.loss(now).is_none() {
+            self.helm.hear(command.body.deadman);
+        }
+        match self.timing.pace {
+            Pace::Real => self.publish(now, outbox),
+            Pace::Lockstep => self.answer_tick(now, outbox),
+        }
+    }
+
+    fn on_proposal(&mut self, now: Stamp, proposal: &Envelope<Proposal>, outbox: &mut Outbox<Output>) {
+        match self.hearing.admit_proposal(now, proposal) {
+            Err(why) => self.hearing.refuse(why),
+            Ok(()) => self.answer_tick(now, outbox),
+        }
+    }
+
+    fn on_state(&mut self, now: Stamp, state: &Envelope<State>, outbox: &mut Outbox<Output>) {
+        match self.hearing.admit_state(now, state) {
+            Err(why) => return self.hearing.refuse(why),
+            Ok(Change::Anew) => {
+                self.weight.reset();
+                self.limits.forget();
+            }
+            Ok(Change::None) => {}
+        }
+        self.answer_tick(now, outbox);
+    }
+
+    fn on_wake(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        if self.repeat_at().is_some_and(|due| now >= due) {
+            self.publish(now, outbox);
+        }
+    }
+
+    fn on_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        self.helm.close();
+        self.publish(now, outbox);
+    }
+
+    /// Looks for losses before anything else, so that no event slips in under a stream that is already gone.
+    fn watch(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        if self.timing.pace == Pace::Real
+            && let Some(reason) = self.hearing.loss(now)
+            && self.helm.stop(reason)
+        {
+            self.publish(now, outbox);
+        }
+    }
+
+    /// When to say again that motion is held for want of a stream; `None` while commands come and are answered.
+    fn repeat_at(&self) -> Option<Stamp> {
+        match self.helm.authority() {
+            Authority::Held(reason) if self.timing.pace == Pace::Real && is_silence(reason) => {
+                Some(self.sent.map_or(Stamp(0), |sent| sent.after(self.timing.stream_period)))
+            }
+            _ => None,
+        }
+    }
+
+    /// In lockstep, answers once state, command and proposal of one tick are there.
+    fn answer_tick(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        let tick = self.hearing.complete_tick();
+        if self.timing.pace == Pace::Lockstep && tick.is_some() && tick != self.answered {
+            self.answered = tick;
+            self.publish(now, outbox);
+        }
+    }
+
+    fn publish(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        self.sent = Some(now);
+        let tick = self.hearing.robot().map_or(0, |robot| robot.tick);
+        let setpoint = self.arbitrate(now);
+        outbox.push(Output::Setpoint(self.numbering.envelope(now, tick, setpoint)));
+    }
+
+    /// One arbitration: `limits(ω·human + (1 − ω)·robot)`, or zero while motion is held.
+    fn arbitrate(&mut self, now: Stamp) -> Setpoint {
+        let (command, proposal) = (self.hearing.command(now), self.hearing.proposal(now));
+        let guided = proposal.and_then(|proposal| self.hearing.guidance(&proposal));
+        self.helm.guide(guided.is_some());
+        let human = command.map_or(Vec3::ZERO, |command| command.body.velocity.capped(ABSURD_SPEED));
+        let robot = guided.map_or(Vec3::ZERO, |(_, guidance)| guidance.velocity.capped(ABSURD_SPEED));
+        let weight = self.weight.decide(guided, human);
+        let blended = human * weight + robot * (1.0 - weight);
+        let (velocity, limited) = self.limit(now, blended);
+        Setpoint {
+            velocity,
+            motion: self.helm.authority().motion(),
+            law: self.weight.law(),
+            weight: Finite(weight),
+            human,
+            guidance: guided.map(|(_, guidance)| guidance),
+            blended,
+            limited,
+            command: command.map(|command| command.used(now)),
+            proposal: proposal.map(|proposal| proposal.used(now)),
+            seen: self.hearing.robot().map(|robot| robot.id),
+            refused: self.hearing.refused(),
+        }
+    }
+
+    fn limit(&mut self, now: Stamp, blended: Vec3) -> (Vec3, Limited) {
+        match self.hearing.robot() {
+            Some(robot) if self.helm.authority().motion().is_permitted() => self.limits.apply(now, robot.tool, blended),
+            _ => {
+                self.limits.rest(now);
+                (Vec3::ZERO, Limited::default())
+            }
+        }
+    }
+}
+
+/// Whether motion is held because something is not heard, so that no command will come to be answered.
+fn is_silence(reason: Reason) -> bool {
+    matches!(
+        reason,
+        Reason::NoCommandYet | Reason::CommandLost { .. } | Reason::StateLost { .. } | Reason::LoopTooOld
+    )
+}
+
+impl Node for Arbiter {
+    type Event = Event;
+    type Output = Output;
+
+    fn step(&mut self, now: Stamp, event: Event, outbox: &mut Outbox<Output>) {
+        if self.helm.authority() == Authority::Closed {
+            return;
+        }
+        self.watch(now, outbox);
+        match event {
+            Event::Command(command) => self.on_command(now, &command, outbox),
+            Event::Proposal(proposal) => self.on_proposal(now, &proposal, outbox),
+            Event::State(state) => self.on_state(now, &state, outbox),
+            Event::Unreadable(_) => self.hearing.refuse(Refusal::Unreadable),
+            Event::Wake => self.on_wake(now, outbox),
+            Event::Presence => {}
+            Event::Stop => self.on_stop(now, outbox),
+        }
+    }
+
+    fn deadline(&self) -> Option<Stamp> {
+        match (self.timing.pace, self.helm.authority()) {
+            (Pace::Lockstep, _) | (_, Authority::Closed) => None,
+            _ => self.repeat_at().or_else(|| self.hearing.loss_at()),
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! The arbiter's edge: inputs become events, setpoints become bytes.
+
+use tandem_wire::{Input, NodeName, Ports, Topic, Unreadable, decode, encode};
+
+use crate::node::{Arbiter, Event, Output};
+
+impl Ports for Arbiter {
+    const NAME: NodeName = NodeName::Arbiter;
+    const INPUTS: &'static [Topic] = &[Topic::Command, Topic::Proposal, Topic::State];
+    const OUTPUTS: &'static [Topic] = &[Topic::Setpoint];
+
+    fn event(input: Input<'_>) -> Event {
+        match input {
+            Input::Sample { topic, bytes } => read(topic, bytes),
+            Input::Wake => Event::Wake,
+            Input::Presence { .. } => Event::Presence,
+            Input::Stop => Event::Stop,
+        }
+    }
+
+    fn sample(output: &Output, bytes: &mut Vec<u8>) -> Option<Topic> {
+        let Output::Setpoint(setpoint) = output;
+        encode(setpoint, bytes);
+        Some(Topic::Setpoint)
+    }
+}
+
+fn read(topic: Topic, bytes: &[u8]) -> Event {
+    let event = match topic {
+        Topic::Command => decode(bytes).map(Event::Command),
+        Topic::Proposal => decode(bytes).map(Event::Proposal),
+        Topic::State => decode(bytes).map(Event::State),
+        _ => Err(tandem_wire::Malformed::Topic),
+    };
+    event.unwrap_or_else(|why| Event::Unreadable(Unreadable { topic, why }))
+}

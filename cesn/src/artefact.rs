@@ -1,0 +1,363 @@
+//! The model file: a header anyone can read, the payload, and a hash over both.
+//!
+//! ```text
+//! offset  bytes  what
+//!      0      8  magic, 89 43 45 53 4E 0D 0A 1A ("CESN" between bytes that text tools damage)
+//!      8      4  version of this layout
+//!     12      4  N, units
+//!     16      4  context numbers
+//!     20      4  Ny, outputs
+//!     24      4  T, steps
+//!     28      4  zero
+//!     32      8  length of the payload
+//!     40      …  payload: bincode 2, little endian, fixed-width integers
+//!     end    32  SHA-256 of everything before
+//! ```
+//! All integers are little endian. A file is taken apart from the outside in: magic, version, length, hash, payload,
+//! shapes, numbers. Each refusal says what was found, and whatever passes can be run without a further check.
+
+use std::sync::OnceLock;
+
+use sha2::{Digest, Sha256};
+
+use crate::interval::Calibration;
+use crate::model::{Facts, Model, Provenance};
+use crate::readout::Readout;
+use crate::reservoir::{Reservoir, StoredReservoir};
+use crate::settings::Settings;
+use crate::triangle::{StoredTriangle, Triangle};
+
+/// The first bytes of a model file.
+pub const MAGIC: [u8; 8] = *b"\x89CESN\r\n\x1a";
+/// The layout this version writes and reads.
+pub const VERSION: u32 = 1;
+/// The largest model file; a dense reservoir of the largest size stays below it.
+pub const MAX_BYTES: usize = 256 << 20;
+const HEADER: usize = 40;
+const HASH: usize = 32;
+/// A movement of more steps than this is a wrong number, not a movement.
+const MAX_STEPS: usize = 1 << 20;
+
+/// Why a model file is refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ArtefactError {
+    /// It does not begin like a model file.
+    #[error("this is not a model file: it begins with {found:02x?}")]
+    Foreign {
+        /// Its first bytes, up to eight.
+        found: Vec<u8>,
+    },
+    /// It ends too early.
+    #[error("the model file is truncated: {found} bytes of {expected}")]
+    Truncated {
+        /// Bytes there are.
+        found: usize,
+        /// Bytes there should be.
+        expected: usize,
+    },
+    /// Something follows its end.
+    #[error("the model file is {found} bytes long and should end after {expected}")]
+    Trailing {
+        /// Bytes there are.
+        found: usize,
+        /// Bytes there should be.
+        expected: usize,
+    },
+    /// It was written in another layout, most likely by a later version.
+    #[error(
+        "the model file has layout version {found}; this program reads only {supported}; update it, or train again"
+    )]
+    Version {
+        /// The file's version.
+        found: u32,
+        /// The version read here.
+        supported: u32,
+    },
+    /// It is, or says it is, larger than any model.
+    #[error("the model file has {found} bytes; the limit is {limit}")]
+    TooLarge {
+        /// Its size.
+        found: u64,
+        /// The limit.
+        limit: usize,
+    },
+    /// Its hash does not match: bits were flipped.
+    #[error("the model file is damaged: its content does not match its hash")]
+    Damaged,
+    /// The payload is not what this version writes.
+    #[error("the model file's payload cannot be decoded: {reason}")]
+    Payload {
+        /// The decoder's complaint.
+        reason: String,
+    },
+    /// Its parts do not fit each other.
+    #[error("the model file is inconsistent: {what}")]
+    Inconsistent {
+        /// What does not fit.
+        what: String,
+    },
+}
+
+/// The payload, in the order it is written.
+#[derive(bincode::Encode, bincode::Decode)]
+struct Stored {
+    settings: Settings,
+    facts: Facts,
+    provenance: Provenance,
+    reservoir: StoredReservoir,
+    w_out: Vec<f64>,
+    triangle: StoredTriangle,
+    calibration: Calibration,
+}
+
+impl Model {
+    /// The model as a file; see the [module page](self) for the layout.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let stored = Stored {
+            settings: self.settings.clone(),
+            facts: self.facts.clone(),
+            provenance: self.provenance.clone(),
+            reservoir: StoredReservoir::from(&self.reservoir),
+            w_out: self.readout.weights().to_vec(),
+            triangle: StoredTriangle::from(&self.triangle),
+            calibration: self.calibration.clone(),
+        };
+        let payload = bincode::encode_to_vec(stored, encoding())
+            .expect("vectors of numbers and text always encode into growing memory");
+        let mut bytes = Vec::with_capacity(HEADER + payload.len() + HASH);
+        bytes.extend(self.header(payload.len()));
+        bytes.extend(payload);
+        bytes.extend(Sha256::digest(&bytes));
+        bytes
+    }
+
+    /// Reads a model file.
+    ///
+    /// # Errors
+    /// Whenever the bytes are not exactly what [`Self::to_bytes`] writes for a usable model.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, ArtefactError> {
+        let (content, hash) = open(bytes)?;
+        let decoded = bincode::decode_from_slice::<Stored, _>(&content[HEADER..], encoding());
+        let (stored, used) = decoded.map_err(|error| ArtefactError::Payload {
+            reason: error.to_string(),
+        })?;
+        if used != content.len() - HEADER {
+            return Err(ArtefactError::Payload {
+                reason: "bytes are left over".to_owned(),
+            });
+        }
+        let model = stored.into_model()?;
+        if model.header(used)[..] != content[..HEADER] {
+            return Err(inconsistent("the header says other shapes than the payload"));
+        }
+        let _ = model.hash.set(hash);
+        Ok(model)
+    }
+
+    /// The hash at the end of its file: two models with one hash are one model.
+    #[must_use]
+    pub fn hash(&self) -> [u8; 32] {
+        *self.hash.get_or_init(|| {
+            let bytes = self.to_bytes();
+            let mut hash = [0; HASH];
+            hash.copy_from_slice(&bytes[bytes.len() - HASH..]);
+            hash
+        })
+    }
+
+    fn header(&self, payload: usize) -> [u8; HEADER] {
+        let shapes = [
+            self.reservoir.units(),
+            self.facts.context_columns.len(),
+            self.outputs(),
+            self.steps(),
+            0,
+        ];
+        let mut header = [0; HEADER];
+        header[..8].copy_from_slice(&MAGIC);
+        header[8..12].copy_from_slice(&VERSION.to_le_bytes());
+        for (place, shape) in header[12..32].chunks_exact_mut(4).zip(shapes) {
+            place.copy_from_slice(&u32::try_from(shape).unwrap_or(u32::MAX).to_le_bytes());
+        }
+        header[32..].copy_from_slice(&(payload as u64).to_le_bytes());
+        header
+    }
+}
+
+fn encoding() -> impl bincode::config::Config {
+    bincode::config::standard()
+        .with_fixed_int_encoding()
+        .with_limit::<MAX_BYTES>()
+}
+
+/// Checks everything outside the payload; returns what the hash covers, and the hash.
+fn open(bytes: &[u8]) -> Result<(&[u8], [u8; 32]), ArtefactError> {
+    let found = bytes.len();
+    let begins = &bytes[..found.min(MAGIC.len())];
+    if !MAGIC.starts_with(begins) || found == 0 {
+        return Err(ArtefactError::Foreign { found: begins.to_vec() });
+    }
+    if found > MAX_BYTES {
+        return Err(ArtefactError::TooLarge {
+            found: found as u64,
+            limit: MAX_BYTES,
+        });
+    }
+    let number = |at: usize, width: usize| {
+        let digits = bytes.get(at..at + width).ok_or(ArtefactError::Truncated {
+            found,
+            expected: HEADER + HASH,
+        })?;
+        Ok(digits
+            .iter()
+            .rev()
+            .fold(0_u64, |number, byte| number << 8 | u64::from(*byte)))
+    };
+    let version = u32::try_from(number(8, 4)?).unwrap_or(u32::MAX);
+    if version != VERSION {
+        return Err(ArtefactError::Version {
+            found: version,
+            supported: VERSION,
+        });
+    }
+    let payload = number(32, 8)?;
+    let expected = usize::try_from(payload)
+        .ok()
+        .filter(|n| *n <= MAX_BYTES)
+        .map(|n| HEADER + n + HASH);
+    let expected = expected.ok_or(ArtefactError::TooLarge {
+        found: payload,
+        limit: MAX_BYTES,
+    })?;
+    if found < expected {
+        return Err(ArtefactError::Truncated { found, expected });
+    }
+    if found > expected {
+        return Err(ArtefactError::Trailing { found, expected });
+    }
+    let (content, trailer) = bytes.split_at(found - HASH);
+    let hash: [u8; 32] = Sha256::digest(content).into();
+    if hash[..] == *trailer {
+        Ok((content, hash))
+    } else {
+        Err(ArtefactError::Damaged)
+    }
+}
+
+impl Stored {
+    /// Builds the model, checking every shape and number that a forecast relies on.
+    fn into_model(self) -> Result<Model, ArtefactError> {
+        let settings = self.settings;
+        settings.check().map_err(|error| inconsistent(error.to_string()))?;
+        let reservoir = Reservoir::try_from(self.reservoir).map_err(|error| inconsistent(error.to_string()))?;
+        let triangle = Triangle::try_from(self.triangle).map_err(inconsistent)?;
+        let outputs = self.facts.output_columns.len();
+        let readout = Readout::new(outputs, self.w_out).ok_or_else(|| inconsistent("the readout has no rows"))?;
+        check_facts(&self.facts, &settings, &reservoir)?;
+        let columns = reservoir.units() + 1;
+        require(readout.columns() == columns, "the readout does not fit the reservoir")?;
+        require(
+            triangle.size() == columns,
+            "the triangular factor does not fit the reservoir",
+        )?;
+        require(
+            readout.weights().iter().all(|w| w.is_finite()),
+            "the readout holds a number that is not finite",
+        )?;
+        check_calibration(&self.calibration, &self.facts)?;
+        Ok(Model {
+            settings,
+            facts: self.facts,
+            provenance: self.provenance,
+            reservoir,
+            readout,
+            triangle,
+            calibration: self.calibration,
+            hash: OnceLock::new(),
+        })
+    }
+}
+
+fn check_facts(facts: &Facts, settings: &Settings, reservoir: &Reservoir) -> Result<(), ArtefactError> {
+    let (contexts, outputs) = (facts.context_columns.len(), facts.output_columns.len());
+    let fed_back = if facts.feedback.is_some() { outputs } else { 0 };
+    require(
+        settings.units == reservoir.units(),
+        "the settings name another number of units",
+    )?;
+    require(
+        reservoir.inputs() == contexts + fed_back,
+        "the reservoir does not fit the columns",
+    )?;
+    require(
+        (2..=MAX_STEPS).contains(&facts.steps),
+        "the number of steps is out of range",
+    )?;
+    require(
+        settings.checkpoint_step < facts.steps - 1,
+        "the checkpoint lies outside the movement",
+    )?;
+    require(
+        facts.period_s.is_finite() && facts.period_s > 0.0,
+        "the period is not positive",
+    )?;
+    let scale_fits = |scale: &crate::Scale, length: usize| {
+        scale.mean.len() == length
+            && scale.mean.iter().all(|x| x.is_finite())
+            && scale.half_range.is_finite()
+            && scale.half_range > 0.0
+    };
+    require(
+        contexts > 0 && scale_fits(&facts.context_scale, contexts),
+        "the context scale does not fit",
+    )?;
+    if let Some(feedback) = &facts.feedback {
+        let start = feedback.start.len() == outputs && feedback.start.iter().all(|x| x.is_finite());
+        require(
+            start && scale_fits(&feedback.scale, outputs),
+            "the feedback scale does not fit",
+        )?;
+    }
+    let counts = [facts.lambda, facts.effective_rows, facts.edf];
+    require(
+        counts.iter().all(|x| x.is_finite() && *x >= 0.0),
+        "a fact of training is not a number from 0 up",
+    )
+}
+
+fn check_calibration(calibration: &Calibration, facts: &Facts) -> Result<(), ArtefactError> {
+    let outputs = facts.output_columns.len();
+    let usable =
+        |numbers: &[f64], length: usize| numbers.len() == length && numbers.iter().all(|x| x.is_finite() && *x >= 0.0);
+    let scalars = [
+        calibration.confidence,
+        calibration.nu,
+        calibration.t_quantile,
+        calibration.rho_hi,
+    ];
+    require(usable(&scalars, 4), "a number of the calibration is not usable")?;
+    require(
+        calibration.rho_hi >= crate::interval::SMALLEST_RHO_HI,
+        "rho_hi is below its least value",
+    )?;
+    require(usable(&calibration.s, outputs), "the spread does not fit the outputs")?;
+    let left_out = calibration.s_lodo.as_deref();
+    require(
+        left_out.is_none_or(|s| usable(s, outputs)),
+        "the left-out spread does not fit the outputs",
+    )?;
+    require(
+        usable(&calibration.training_leverages, facts.steps),
+        "the training leverages do not fit the steps",
+    )
+}
+
+fn require(holds: bool, what: &str) -> Result<(), ArtefactError> {
+    if holds { Ok(()) } else { Err(inconsistent(what)) }
+}
+
+fn inconsistent(what: impl Into<String>) -> ArtefactError {
+    ArtefactError::Inconsistent { what: what.into() }
+}

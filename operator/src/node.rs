@@ -1,0 +1,248 @@
+//! The step machine.
+
+use tandem_wire::{
+    Command, Deadman, Envelope, Guard, Node, NodeName, Numbering, Outbox, Pace, Refusal, Refusals, Session, Stamp,
+    State, TaskFrame, Timing, Trial, Unreadable,
+};
+
+use crate::config::{HumanConfig, HumanSettings, KeyConfig, OperatorSettings, SourceKind};
+use crate::device::{DeviceSample, Keyboard};
+use crate::human::SimulatedHuman;
+use crate::sight::{Eyes, Picture};
+use crate::source::Source;
+use crate::status::Status;
+
+/// Everything that can happen to an operator.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Event {
+    /// The robot published a state.
+    State(Box<Envelope<State>>),
+    /// The local device was sampled.
+    Device(DeviceSample),
+    /// A sample could not be read.
+    Unreadable(Unreadable),
+    /// A peer's token appeared or vanished; the operator goes by states alone.
+    Presence {
+        /// Which peer.
+        peer: NodeName,
+        /// Whether it is there.
+        alive: bool,
+    },
+    /// The deadline has come.
+    Wake,
+    /// The process is about to end.
+    Stop,
+}
+
+/// Everything that an operator can cause.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Output {
+    /// What the human wants.
+    Command(Envelope<Command>),
+    /// A trial was asked for.
+    Trial(Envelope<Trial>),
+    /// What the operator is doing, for a screen in the same process.
+    Status(Status),
+}
+
+/// The operator; see the [crate's page](crate).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Operator {
+    timing: Timing,
+    trial_label: String,
+    commands: Numbering,
+    trials: Numbering,
+    states: Guard,
+    refused: Refusals,
+    eyes: Eyes,
+    picture: Picture,
+    newest_trial: u32,
+    source: Source,
+    stream: Stream,
+    status: Option<Status>,
+}
+
+/// Whether commands still flow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stream {
+    /// The next command is due at `due`; `sent` is the deadman that the last one carried.
+    Flowing { due: Stamp, sent: Deadman },
+    /// The last command was sent: the process ends.
+    Ended,
+}
+
+impl Operator {
+    /// An operator that has seen nothing yet. All its random numbers come from `seed`.
+    #[must_use]
+    pub fn new(
+        session: Session,
+        timing: Timing,
+        frame: TaskFrame,
+        seed: u64,
+        settings: &OperatorSettings,
+        human: &HumanSettings,
+    ) -> Self {
+        let source = match settings.source {
+            SourceKind::Simulated => {
+                let config = HumanConfig::new(human, &timing, frame, seed);
+                Source::Simulated(Box::new(SimulatedHuman::new(config)))
+            }
+            SourceKind::Keyboard => Source::Device(Keyboard::new(KeyConfig::new(settings, frame))),
+        };
+        Self {
+            timing,
+            trial_label: settings.trial_label.clone(),
+            commands: Numbering::new(session),
+            trials: Numbering::new(session),
+            states: Guard::new(timing.stream_timeout()),
+            refused: Refusals::default(),
+            eyes: Eyes::new(frame),
+            picture: Picture::Never,
+            newest_trial: 0,
+            source,
+            stream: Stream::Flowing {
+                due: Stamp(0),
+                sent: Deadman::Released,
+            },
+            status: None,
+        }
+    }
+
+    fn on_state(&mut self, now: Stamp, state: &Envelope<State>, outbox: &mut Outbox<Output>) {
+        if let Err(why) = self.states.admit(now, &state.header) {
+            self.refused.add(why);
+            return;
+        }
+        let (seen, sight) = self.eyes.see(state);
+        self.picture = Picture::Live(seen);
+        self.newest_trial = self.newest_trial.max(seen.trial);
+        self.source.see(&sight);
+        if self.timing.pace == Pace::Lockstep && self.stream != Stream::Ended {
+            self.send(now, outbox);
+        }
+    }
+
+    fn on_device(&mut self, now: Stamp, sample: DeviceSample, outbox: &mut Outbox<Output>) {
+        let live = self.picture.live().is_some();
+        let asked = self.source.take(now, sample, live);
+        if asked && live && self.stream != Stream::Ended {
+            let begin = Trial::Begin {
+                number: self.newest_trial.saturating_add(1),
+                label: self.trial_label.clone(),
+            };
+            outbox.push(Output::Trial(self.trials.envelope(now, self.tick(), begin)));
+        }
+    }
+
+    /// Says goodbye. In lockstep a command only ever answers a state, and without one nothing moves anyway.
+    fn on_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        if self.timing.pace == Pace::Real && self.stream != Stream::Ended {
+            let command = self.command(Deadman::Released);
+            outbox.push(Output::Command(self.commands.envelope(now, self.tick(), command)));
+        }
+        self.stream = Stream::Ended;
+    }
+
+    /// What silence has ended by now, before anything else happens.
+    fn expire(&mut self, now: Stamp) {
+        self.source.expire(now);
+        if let Picture::Live(seen) = self.picture
+            && self.states.is_lost(now)
+        {
+            self.picture = Picture::Lost(seen);
+            self.source.go_blind();
+        }
+    }
+
+    /// In real time: sends what is due, and a changed deadman at once.
+    fn flow(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        let Stream::Flowing { due, sent } = self.stream else {
+            return;
+        };
+        if self.timing.pace == Pace::Real && (now >= due || sent != self.deadman()) {
+            self.send(now, outbox);
+        }
+    }
+
+    fn send(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        let command = self.command(self.deadman());
+        outbox.push(Output::Command(self.commands.envelope(now, self.tick(), command)));
+        if let Stream::Flowing { due, sent } = &mut self.stream {
+            *sent = command.deadman;
+            if now >= *due {
+                // On the grid of periods, unless a whole one was missed: then from now on.
+                let next = due.after(self.timing.stream_period);
+                *due = if next > now {
+                    next
+                } else {
+                    now.after(self.timing.stream_period)
+                };
+            }
+        }
+    }
+
+    /// Nobody drives without a picture, and only a held deadman has a velocity.
+    fn command(&self, deadman: Deadman) -> Command {
+        Command {
+            velocity: match deadman {
+                Deadman::Held { .. } => self.source.velocity(),
+                Deadman::Released => tandem_wire::Vec3::ZERO,
+            },
+            deadman,
+            seen: self.picture.newest().map(|seen| seen.id),
+        }
+    }
+
+    fn deadman(&self) -> Deadman {
+        match self.picture.live() {
+            Some(_) => self.source.deadman(),
+            None => Deadman::Released,
+        }
+    }
+
+    fn tick(&self) -> u32 {
+        self.picture.newest().map_or(0, |seen| seen.tick)
+    }
+
+    fn show(&mut self, outbox: &mut Outbox<Output>) {
+        let status = Status {
+            activity: self.source.activity(),
+            deadman: self.deadman(),
+            seen: self.picture.live().copied(),
+            refused: self.refused,
+        };
+        if self.status != Some(status) {
+            self.status = Some(status);
+            outbox.push(Output::Status(status));
+        }
+    }
+}
+
+impl Node for Operator {
+    type Event = Event;
+    type Output = Output;
+
+    fn step(&mut self, now: Stamp, event: Event, outbox: &mut Outbox<Output>) {
+        self.expire(now);
+        match event {
+            Event::State(state) => self.on_state(now, &state, outbox),
+            Event::Device(sample) => self.on_device(now, sample, outbox),
+            Event::Unreadable(_) => self.refused.add(Refusal::Unreadable),
+            Event::Stop => self.on_stop(now, outbox),
+            Event::Presence { .. } | Event::Wake => {}
+        }
+        self.flow(now, outbox);
+        self.show(outbox);
+    }
+
+    fn deadline(&self) -> Option<Stamp> {
+        let Stream::Flowing { due, .. } = self.stream else {
+            return None;
+        };
+        if self.timing.pace == Pace::Lockstep {
+            return None;
+        }
+        let lost = self.picture.live().and_then(|_| self.states.deadline());
+        [Some(due), lost, self.source.deadline()].into_iter().flatten().min()
+    }
+}

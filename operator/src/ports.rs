@@ -1,0 +1,48 @@
+//! Bytes ⇄ events and outputs. Pure and total.
+
+use tandem_wire::{Input, Malformed, NodeName, Ports, Topic, Unreadable, decode, encode};
+
+use crate::device::DeviceSample;
+use crate::node::{Event, Operator, Output};
+
+impl Ports for Operator {
+    const NAME: NodeName = NodeName::Operator;
+    const INPUTS: &'static [Topic] = &[Topic::State, Topic::Device];
+    const OUTPUTS: &'static [Topic] = &[Topic::Command, Topic::Trial];
+
+    fn event(input: Input<'_>) -> Event {
+        match input {
+            Input::Sample { topic, bytes } => {
+                read(topic, bytes).unwrap_or_else(|why| Event::Unreadable(Unreadable { topic, why }))
+            }
+            Input::Wake => Event::Wake,
+            Input::Presence { peer, alive } => Event::Presence { peer, alive },
+            Input::Stop => Event::Stop,
+        }
+    }
+
+    fn sample(output: &Output, bytes: &mut Vec<u8>) -> Option<Topic> {
+        match output {
+            Output::Command(command) => {
+                encode(command, bytes);
+                Some(Topic::Command)
+            }
+            Output::Trial(trial) => {
+                encode(trial, bytes);
+                Some(Topic::Trial)
+            }
+            Output::Status(_) => {
+                bytes.clear();
+                None
+            }
+        }
+    }
+}
+
+fn read(topic: Topic, bytes: &[u8]) -> Result<Event, Malformed> {
+    match topic {
+        Topic::State => decode(bytes).map(|state| Event::State(Box::new(state))),
+        Topic::Device => DeviceSample::from_bytes(bytes).map(Event::Device),
+        _ => Err(Malformed::Topic),
+    }
+}

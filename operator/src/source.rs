@@ -1,0 +1,85 @@
+//! Where motion comes from.
+
+use tandem_wire::{Deadman, Stamp, Vec3};
+
+use crate::config::MAX_SPEED;
+use crate::device::{DeviceSample, Keyboard};
+use crate::human::SimulatedHuman;
+use crate::sight::Sight;
+use crate::status::Activity;
+
+/// Somebody, or something, that steers.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Source {
+    /// A simulated human: decides once per control period.
+    Simulated(Box<SimulatedHuman>),
+    /// A local device: its keys count at once.
+    Device(Keyboard),
+}
+
+impl Source {
+    /// Shows it a state.
+    pub(crate) fn see(&mut self, sight: &Sight) {
+        match self {
+            Self::Simulated(human) => human.see(sight),
+            Self::Device(_) => {}
+        }
+    }
+
+    /// Tells it that states stopped arriving.
+    pub(crate) fn go_blind(&mut self) {
+        match self {
+            Self::Simulated(human) => human.go_blind(),
+            Self::Device(keyboard) => keyboard.go_blind(),
+        }
+    }
+
+    /// Hands it a device's sample; says whether that asks for a new trial.
+    pub(crate) fn take(&mut self, now: Stamp, sample: DeviceSample, has_picture: bool) -> bool {
+        match self {
+            Self::Simulated(_) => false,
+            Self::Device(keyboard) => keyboard.take(now, sample, has_picture),
+        }
+    }
+
+    /// Lets time pass.
+    pub(crate) fn expire(&mut self, now: Stamp) {
+        match self {
+            Self::Simulated(_) => {}
+            Self::Device(keyboard) => keyboard.expire(now),
+        }
+    }
+
+    /// When it changes by itself.
+    pub(crate) fn deadline(&self) -> Option<Stamp> {
+        match self {
+            Self::Simulated(_) => None,
+            Self::Device(keyboard) => keyboard.deadline(),
+        }
+    }
+
+    /// The velocity it wants, in the base frame; zero unless its deadman is held.
+    pub(crate) fn velocity(&self) -> Vec3 {
+        let wanted = match self {
+            Self::Simulated(human) => human.velocity(),
+            Self::Device(keyboard) => keyboard.velocity(),
+        };
+        wanted.capped(MAX_SPEED)
+    }
+
+    /// Its deadman.
+    pub(crate) fn deadman(&self) -> Deadman {
+        match self {
+            Self::Simulated(human) => human.deadman(),
+            Self::Device(keyboard) => keyboard.deadman(),
+        }
+    }
+
+    /// What it is doing.
+    pub(crate) fn activity(&self) -> Activity {
+        match self {
+            Self::Simulated(human) => Activity::Simulated(human.doing()),
+            Self::Device(keyboard) => Activity::Keyboard(keyboard.handling()),
+        }
+    }
+}

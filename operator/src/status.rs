@@ -1,0 +1,85 @@
+//! What the operator is doing, in one line for a screen.
+
+use std::fmt;
+
+use tandem_wire::{Deadman, Refusals};
+
+use crate::device::Handling;
+use crate::human::{Doing, Ended, Waiting};
+use crate::sight::Seen;
+
+/// What the source of motion is doing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Activity {
+    /// A simulated human steers.
+    Simulated(Doing),
+    /// Somebody steers with keys.
+    Keyboard(Handling),
+}
+
+/// The operator at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Status {
+    /// What the source is doing.
+    pub activity: Activity,
+    /// The deadman as commanded.
+    pub deadman: Deadman,
+    /// The newest state, while states keep arriving.
+    pub seen: Option<Seen>,
+    /// Samples dropped so far.
+    pub refused: Refusals,
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.activity)?;
+        let Some(seen) = &self.seen else {
+            return f.write_str(" · no picture of the robot");
+        };
+        match seen.motion.reason() {
+            Some(reason) => write!(f, " · robot holds: {reason}")?,
+            None if seen.guided => write!(f, " · shared, ω {:.2}", seen.weight)?,
+            None => write!(f, " · human alone, ω {:.2}", seen.weight)?,
+        }
+        let [x, y, z] = seen.tool.to_array();
+        write!(f, " · tool {x:.3} {y:.3} {z:.3} m")?;
+        match seen.trial {
+            0 => f.write_str(" · no trial"),
+            trial => write!(f, " · trial {trial}"),
+        }
+    }
+}
+
+impl fmt::Display for Activity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Simulated(doing) => doing.fmt(f),
+            Self::Keyboard(handling) => f.write_str(match handling {
+                Handling::Absent => "keyboard silent",
+                Handling::Open => "no key held",
+                Handling::Held => "you steer",
+                Handling::Spent => "let go of all keys first",
+            }),
+        }
+    }
+}
+
+impl fmt::Display for Doing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Waiting(Waiting::NoTrial) => f.write_str("waiting for a trial"),
+            Self::Waiting(Waiting::TrialBegun) => f.write_str("about to start"),
+            Self::Waiting(Waiting::NotAtStart { distance }) => {
+                write!(f, "waiting: the tool is {:.0} mm from its path's start", distance * 1e3)
+            }
+            Self::Driving { step } => write!(f, "driving, step {step:.0}"),
+            Self::PressingAnew => f.write_str("pressing anew"),
+            Self::Done(ended) => f.write_str(match ended {
+                Ended::Arrived => "done: arrived",
+                Ended::TimeUp => "done: out of time",
+                Ended::GaveUp => "done: gave up on a robot that keeps stopping",
+                Ended::TrialOver => "done: the trial is over",
+            }),
+        }
+    }
+}

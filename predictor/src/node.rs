@@ -1,0 +1,201 @@
+//! The step machine: a state comes in, a proposal goes out, and at the checkpoint a forecast.
+
+use std::sync::Arc;
+
+use tandem_cesn::{Forecaster, Model};
+use tandem_wire::{
+    Envelope, Forecast, Guard, Guidance, Header, Node, Numbering, Outbox, Proposal, Refusal, Refusals, Session, Stamp,
+    State, TaskFrame, Timing, Unreadable,
+};
+
+use crate::checkpoint::{Crossing, Lookout, Plane};
+use crate::config::{PredictorSettings, UnfitModel, check};
+use crate::forecast::{Course, Following};
+
+/// Everything that can happen to the predictor.
+#[derive(Clone, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "states are nearly all that happens; a box would allocate for every one of them"
+)]
+pub enum Event {
+    /// The robot's state.
+    State(Envelope<State>),
+    /// Bytes that are no message.
+    Unreadable(Unreadable),
+    /// A deadline has come; the predictor has none.
+    Wake,
+    /// Somebody's token appeared or vanished.
+    Presence,
+    /// The process is about to end.
+    Stop,
+}
+
+/// Everything that the predictor can cause.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Output {
+    /// The answer to a state.
+    Proposal(Envelope<Proposal>),
+    /// A new condition's forecast.
+    Forecast(Envelope<Forecast>),
+}
+
+/// The predictor; see the [crate's page](crate) for its states.
+pub struct Predictor {
+    timing: Timing,
+    frame: TaskFrame,
+    following: Following,
+    model: Arc<Model>,
+    forecaster: Forecaster,
+    proposals: Numbering,
+    forecasts: Numbering,
+    states: Guard,
+    refused: Refusals,
+    lookout: Lookout,
+    course: Option<Course>,
+    /// Forecasts made so far.
+    made: u32,
+    tick: Option<Tick>,
+}
+
+/// The newest tick, and what was decided in it.
+#[derive(Clone, Copy, Debug)]
+struct Tick {
+    number: u32,
+    trial: (Session, u32, u32),
+    guidance: Option<Guidance>,
+}
+
+impl Predictor {
+    /// A predictor that numbers its messages in `session` and sees the task's plane at `frame`.
+    ///
+    /// # Errors
+    /// When `model` does not map a point of the task's plane to positions in it, one per control period.
+    pub fn new(
+        session: Session,
+        timing: Timing,
+        frame: TaskFrame,
+        model: impl Into<Arc<Model>>,
+        settings: &PredictorSettings,
+    ) -> Result<Self, UnfitModel> {
+        let model = model.into();
+        check(&model, &timing)?;
+        let plane = Plane {
+            x: model.checkpoint_plane(),
+            step: model.checkpoint_step() as f64,
+        };
+        Ok(Self {
+            timing,
+            frame,
+            following: settings.following(&timing),
+            forecaster: Forecaster::new(&model),
+            model,
+            proposals: Numbering::new(session),
+            forecasts: Numbering::new(session),
+            states: Guard::new(timing.stream_timeout()),
+            refused: Refusals::default(),
+            lookout: Lookout::new(vec![plane]),
+            course: None,
+            made: 0,
+            tick: None,
+        })
+    }
+
+    /// What was dropped so far.
+    #[must_use]
+    pub fn refused(&self) -> Refusals {
+        self.refused
+    }
+
+    fn on_state(&mut self, now: Stamp, state: &Envelope<State>, outbox: &mut Outbox<Output>) {
+        if let Err(why) = self.states.admit(now, &state.header) {
+            return self.refused.add(why);
+        }
+        let (number, trial) = (state.header.tick, trial(&state.header, &state.body));
+        let ticks = match self.tick {
+            Some(tick) if tick.trial == trial => number.saturating_sub(tick.number),
+            _ => self.begin_trial(),
+        };
+        let guidance = match self.tick {
+            Some(tick) if ticks == 0 => tick.guidance,
+            _ => self.decide(now, ticks, state, outbox),
+        };
+        let number = self.tick.map_or(number, |tick| tick.number.max(number));
+        self.tick = Some(Tick {
+            number,
+            trial,
+            guidance,
+        });
+        let proposal = Proposal {
+            seen: Some(state.header.id()),
+            guidance,
+        };
+        let proposal = self.proposals.envelope(now, state.header.tick, proposal);
+        outbox.push(Output::Proposal(proposal));
+    }
+
+    /// Forgets the trial before; the state at hand opens a tick.
+    fn begin_trial(&mut self) -> u32 {
+        self.lookout.reset();
+        self.course = None;
+        self.tick = None;
+        1
+    }
+
+    /// Once per tick: looks for the checkpoint, or moves on along the course; says what the robot wants.
+    ///
+    /// The phase is the movement's own clock, so it stands still for as long as the robot is held.
+    fn decide(
+        &mut self,
+        now: Stamp,
+        ticks: u32,
+        state: &Envelope<State>,
+        outbox: &mut Outbox<Output>,
+    ) -> Option<Guidance> {
+        let tool = state.body.tool.position;
+        let crossing = self.lookout.pass(self.frame.to_task(tool), ticks);
+        match (crossing, &mut self.course) {
+            (Some(crossing), _) => self.forecast(now, state.header.tick, &crossing, outbox),
+            (None, Some(course)) if state.body.motion.is_permitted() => course.advance(ticks),
+            (None, _) => {}
+        }
+        let course = self.course.as_ref()?;
+        Some(course.guidance(tool, &self.frame, &self.following))
+    }
+
+    /// Runs the model for a new condition. A condition that it cannot take leaves the human alone.
+    fn forecast(&mut self, now: Stamp, tick: u32, crossing: &Crossing, outbox: &mut Outbox<Output>) {
+        let first = self.model.checkpoint_step();
+        let forecast = self.forecaster.forecast(&self.model, &crossing.point, first).ok();
+        let number = self.made.saturating_add(1);
+        self.course =
+            forecast.and_then(|forecast| Course::new(number, &self.model, forecast, &self.frame, crossing.phase));
+        if let Some(course) = &self.course {
+            self.made = number;
+            let message = course.message(crossing, &self.model, self.timing.period);
+            outbox.push(Output::Forecast(self.forecasts.envelope(now, tick, message)));
+        }
+    }
+}
+
+/// What tells one trial from another: a robot that was started again begins anew, too.
+fn trial(header: &Header, state: &State) -> (Session, u32, u32) {
+    (header.session, state.trial, state.trial_start)
+}
+
+impl Node for Predictor {
+    type Event = Event;
+    type Output = Output;
+
+    fn step(&mut self, now: Stamp, event: Event, outbox: &mut Outbox<Output>) {
+        match event {
+            Event::State(state) => self.on_state(now, &state, outbox),
+            Event::Unreadable(_) => self.refused.add(Refusal::Unreadable),
+            Event::Wake | Event::Presence | Event::Stop => {}
+        }
+    }
+
+    fn deadline(&self) -> Option<Stamp> {
+        None
+    }
+}

@@ -1,0 +1,42 @@
+//! Writes the tests' scripted session as `scripted.mcap` and `scripted.rrd`, to look at: the folder is the argument.
+
+#[path = "../tests/script/mod.rs"]
+mod script;
+
+use std::time::Duration;
+
+use tandem_recorder::{Live, Provenance, RecorderConfig, RecorderSettings, Sinks};
+use tandem_wire::Timing;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let folder = std::env::args().nth(1).unwrap_or_else(|| ".".into());
+    let live = std::env::args().nth(2);
+    let mut settings = RecorderSettings {
+        path: format!("{folder}/scripted.mcap"),
+        rrd: format!("{folder}/scripted.rrd"),
+        ..RecorderSettings::default()
+    };
+    match live.as_deref() {
+        Some("spawn") => settings.live = Live::Spawn,
+        Some(url) => {
+            settings.live = Live::Connect;
+            settings.viewer = url.into();
+        }
+        None => {}
+    }
+    let provenance = Provenance {
+        robot: "panda".parse()?,
+        build: env!("CARGO_PKG_VERSION").into(),
+        epoch_unix_nanos: 1_760_000_000_000_000_000,
+    };
+    let timing = Timing::default().lockstep();
+    let mut sinks = Sinks::open(&RecorderConfig::new(&settings)?, timing, &provenance)?;
+    for output in script::record(&script::session(), timing) {
+        sinks.handle(output);
+        if live.is_some() {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+    println!("{:#?}", sinks.close(Duration::from_secs(5)));
+    Ok(())
+}

@@ -1,0 +1,148 @@
+//! What the recorder passes on: everything it heard, and what it noticed about it.
+
+use std::fmt;
+
+use tandem_wire::{
+    Command, Envelope, Forecast, Header, NodeInfo, NodeName, Proposal, Scene, Setpoint, Stamp, State, Topic, Trial,
+};
+
+use crate::tally::Counts;
+
+/// One thing to be kept, and when it happened.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Heard {
+    /// When it reached the recorder, by the recorder's clock.
+    pub at: Stamp,
+    /// Where it belongs on the session's time axis: `tick · period` in lockstep, the arrival in real time.
+    pub session_time: Stamp,
+    /// The control period it belongs to.
+    pub tick: u32,
+    /// What it is.
+    pub entry: Entry,
+}
+
+/// What was heard or noticed.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Entry {
+    /// A message.
+    Sample(Sample),
+    /// Something a person wants to read.
+    Note(Note),
+    /// What was received so far, and what was not.
+    Counts(Counts),
+}
+
+/// A message of any topic.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Sample {
+    /// What the human wants.
+    Command(Envelope<Command>),
+    /// What the robot would do.
+    Proposal(Envelope<Proposal>),
+    /// A whole forecast.
+    Forecast(Envelope<Forecast>),
+    /// One arbitration.
+    Setpoint(Box<Envelope<Setpoint>>),
+    /// What the arm does.
+    State(Box<Envelope<State>>),
+    /// The surroundings.
+    Scene(Envelope<Scene>),
+    /// A trial begins or ends.
+    Trial(Envelope<Trial>),
+    /// Part of a node's journal, kept as the bytes that travelled.
+    Journal(JournalPart),
+    /// How to build a node again.
+    Info(NodeName, Envelope<NodeInfo>),
+}
+
+/// Part of a node's journal.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JournalPart {
+    /// Whose journal.
+    pub node: NodeName,
+    /// Who, which and when.
+    pub header: Header,
+    /// The index of the first entry.
+    pub first: u64,
+    /// How many entries.
+    pub entries: u64,
+    /// Entries that its writer lost before this part.
+    pub lost: u64,
+    /// The message as it travelled, header included.
+    pub bytes: Vec<u8>,
+}
+
+impl Sample {
+    /// The topic it came on.
+    #[must_use]
+    pub const fn topic(&self) -> Topic {
+        match self {
+            Self::Command(_) => Topic::Command,
+            Self::Proposal(_) => Topic::Proposal,
+            Self::Forecast(_) => Topic::Forecast,
+            Self::Setpoint(_) => Topic::Setpoint,
+            Self::State(_) => Topic::State,
+            Self::Scene(_) => Topic::Scene,
+            Self::Trial(_) => Topic::Trial,
+            Self::Journal(part) => Topic::Journal(part.node),
+            Self::Info(node, _) => Topic::Info(*node),
+        }
+    }
+
+    /// Its header.
+    #[must_use]
+    pub const fn header(&self) -> &Header {
+        match self {
+            Self::Command(message) => &message.header,
+            Self::Proposal(message) => &message.header,
+            Self::Forecast(message) => &message.header,
+            Self::Setpoint(message) => &message.header,
+            Self::State(message) => &message.header,
+            Self::Scene(message) => &message.header,
+            Self::Trial(message) => &message.header,
+            Self::Journal(part) => &part.header,
+            Self::Info(_, message) => &message.header,
+        }
+    }
+
+    /// About how much memory it holds, to bound a queue of them.
+    #[must_use]
+    pub fn weight_bytes(&self) -> usize {
+        let behind = match self {
+            Self::State(message) => size_of_val(message.as_ref()),
+            Self::Forecast(message) => size_of_val(message.body.points.as_slice()),
+            Self::Journal(part) => part.bytes.len(),
+            Self::Info(_, message) => message.body.model.len() + message.body.config.len(),
+            _ => 0,
+        };
+        size_of::<Heard>() + behind
+    }
+}
+
+/// How much a note matters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// The course of things: a trial begins, a forecast is made.
+    Info,
+    /// Motion was stopped, or something was lost.
+    Warning,
+    /// Contact.
+    Error,
+}
+
+/// Something a person wants to read, in words.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Note {
+    /// How much it matters.
+    pub level: Level,
+    /// Which node it is about.
+    pub about: NodeName,
+    /// The words.
+    pub text: String,
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.about, self.text)
+    }
+}

@@ -1,0 +1,354 @@
+//! The step machine: every message is passed on, and what a person wants to know of it is noted once.
+
+use std::mem::discriminant;
+use std::sync::Arc;
+
+use tandem_wire::{
+    Envelope, Motion, Node, NodeName, Outbox, Pace, Reason, SECOND, Setpoint, Stamp, State, Timing, Topic, Trial,
+    Unreadable, seconds,
+};
+
+use crate::heard::{Entry, Heard, Level, Note, Sample};
+use crate::tally::{Place, Tally};
+
+/// How often the counts are passed on while messages arrive.
+const COUNTS_EVERY: u64 = SECOND;
+
+/// Everything that can happen to the recorder.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Event {
+    /// A message arrived.
+    Sample(Sample),
+    /// Bytes arrived that are no message.
+    Unreadable(Unreadable),
+    /// The counts are due.
+    Wake,
+    /// A node appeared or vanished.
+    Presence {
+        /// Which node.
+        peer: NodeName,
+        /// Whether it is there.
+        alive: bool,
+    },
+    /// The process is about to end.
+    Stop,
+}
+
+/// Everything that the recorder can cause.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Output {
+    /// Keep this in the session file.
+    Write(Arc<Heard>),
+    /// Draw this in the view.
+    Show(Arc<Heard>),
+}
+
+/// The recorder.
+///
+/// ```text
+///              first message                 Stop
+///   Silent ───────────────────▶ Hearing ───────────▶ Closed
+///     │                        │       ▲                ▲
+///     │                        └───────┘                │
+///     │            counts every second while they change│
+///     └─────────────────────── Stop ────────────────────┘
+/// ```
+#[derive(Clone, Debug)]
+pub struct Recorder {
+    timing: Timing,
+    phase: Phase,
+    tally: Tally,
+    /// The tick of the newest message: where a note of our own belongs.
+    tick: u32,
+    trial: Option<TrialSeen>,
+    arbiter: Option<Motion>,
+    robot: Option<Motion>,
+    in_contact: bool,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Phase {
+    /// Nothing was heard since the counts were last passed on.
+    Silent,
+    /// Something was; the counts are due at this time.
+    Hearing { counts_due: Stamp },
+    /// Stopped: whatever still arrives is ignored, for the file is being closed.
+    Closed,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum TrialSeen {
+    Begun(u32),
+    Ended(u32),
+}
+
+impl Recorder {
+    /// A recorder for nodes that run at this pace.
+    #[must_use]
+    pub fn new(timing: Timing) -> Self {
+        Self {
+            timing,
+            phase: Phase::Silent,
+            tally: Tally::default(),
+            tick: 0,
+            trial: None,
+            arbiter: None,
+            robot: None,
+            in_contact: false,
+        }
+    }
+
+    fn on_sample(&mut self, now: Stamp, sample: Sample, outbox: &mut Outbox<Output>) {
+        let (topic, header) = (sample.topic(), *sample.header());
+        let place = self.tally.count(topic, &header);
+        self.tick = header.tick;
+        if let Place::AfterGap(missed) = place {
+            self.on_gap(now, topic, missed, outbox);
+        }
+        if let Sample::Journal(part) = &sample {
+            self.tally.count_journal(part);
+        }
+        let notes = match (&sample, place) {
+            (_, Place::Late | Place::Repeated) => Vec::new(),
+            (Sample::Setpoint(message), _) => self.on_setpoint(message),
+            (Sample::State(message), _) => self.on_state(message),
+            (Sample::Trial(message), _) => self.on_trial(&message.body),
+            (Sample::Forecast(message), _) => vec![forecast_note(&message.body)],
+            _ => Vec::new(),
+        };
+        self.pass_on(now, header.tick, sample, place, outbox);
+        for note in notes {
+            self.note(now, note, outbox);
+        }
+    }
+
+    /// Everything is written, in the order it came; only what is new to the eye is shown.
+    fn pass_on(&self, now: Stamp, tick: u32, sample: Sample, place: Place, outbox: &mut Outbox<Output>) {
+        let fresh = matches!(place, Place::Next | Place::AfterGap(_));
+        let visible = fresh && !matches!(sample, Sample::Journal(_) | Sample::Info(..));
+        let heard = Arc::new(self.heard(now, tick, Entry::Sample(sample)));
+        if visible {
+            outbox.push(Output::Show(Arc::clone(&heard)));
+        }
+        outbox.push(Output::Write(heard));
+    }
+
+    fn on_gap(&mut self, now: Stamp, topic: Topic, missed: u64, outbox: &mut Outbox<Output>) {
+        let text = match missed {
+            1 => format!("a message on {topic} was missed"),
+            _ => format!("{missed} messages on {topic} were missed"),
+        };
+        self.note(now, warning(NodeName::Recorder, text), outbox);
+    }
+
+    fn on_setpoint(&mut self, message: &Envelope<Setpoint>) -> Vec<Note> {
+        let motion = message.body.motion;
+        let before = self.arbiter.replace(motion);
+        motion_note(NodeName::Arbiter, before, motion).into_iter().collect()
+    }
+
+    fn on_state(&mut self, message: &Envelope<State>) -> Vec<Note> {
+        let state = &message.body;
+        let before = self.robot.replace(state.motion);
+        // The robot repeats the arbiter's reason; only a reason of its own is news.
+        let echoed = state.obeys.is_some_and(|obeyed| same_motion(obeyed.setpoint.motion, state.motion));
+        let mut notes = Vec::new();
+        if !echoed {
+            notes.extend(motion_note(NodeName::RobotSim, before, state.motion));
+        }
+        notes.extend(self.contact_note(state));
+        notes
+    }
+
+    fn contact_note(&mut self, state: &State) -> Option<Note> {
+        let closest = state.closest.or(state.clearance)?;
+        let touching = closest.distance.0 <= 0.0;
+        let began = touching && !self.in_contact;
+        self.in_contact = touching;
+        began.then(|| Note {
+            level: Level::Error,
+            about: NodeName::RobotSim,
+            text: format!("contact: body {} touches obstacle {}", closest.body, closest.obstacle),
+        })
+    }
+
+    fn on_trial(&mut self, trial: &Trial) -> Vec<Note> {
+        let (seen, text) = match trial {
+            Trial::Begin { number, label } => (TrialSeen::Begun(*number), format!("trial {number} begins: {label}")),
+            Trial::End { number, outcome } => (TrialSeen::Ended(*number), format!("trial {number} ends: {outcome}")),
+        };
+        // A beginning is repeated for those who come late.
+        if self.trial.replace(seen) == Some(seen) {
+            return Vec::new();
+        }
+        vec![info(NodeName::RobotSim, text)]
+    }
+
+    fn on_unreadable(&mut self, now: Stamp, sample: Unreadable, outbox: &mut Outbox<Output>) {
+        let before = self.tally.count_unreadable(sample.topic);
+        if before == 0 {
+            let text = format!("a sample on {} cannot be read: {}", sample.topic, sample.why);
+            self.note(now, warning(NodeName::Recorder, text), outbox);
+        }
+    }
+
+    fn on_presence(&mut self, now: Stamp, peer: NodeName, alive: bool, outbox: &mut Outbox<Output>) {
+        let note = if alive {
+            info(peer, "appeared".to_owned())
+        } else {
+            warning(peer, "vanished".to_owned())
+        };
+        self.note(now, note, outbox);
+    }
+
+    /// Remembers that the counts have changed.
+    fn touch(&mut self, now: Stamp) {
+        if matches!(self.phase, Phase::Silent) {
+            let counts_due = now.after(COUNTS_EVERY);
+            self.phase = Phase::Hearing { counts_due };
+        }
+    }
+
+    fn pass_on_due_counts(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        if let Phase::Hearing { counts_due } = self.phase
+            && now >= counts_due
+        {
+            self.pass_on_counts(now, outbox);
+            self.phase = Phase::Silent;
+        }
+    }
+
+    fn on_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        self.pass_on_counts(now, outbox);
+        self.phase = Phase::Closed;
+    }
+
+    fn pass_on_counts(&self, now: Stamp, outbox: &mut Outbox<Output>) {
+        self.both(now, Entry::Counts(self.tally.counts()), outbox);
+    }
+
+    fn note(&self, now: Stamp, note: Note, outbox: &mut Outbox<Output>) {
+        self.both(now, Entry::Note(note), outbox);
+    }
+
+    fn both(&self, now: Stamp, entry: Entry, outbox: &mut Outbox<Output>) {
+        let heard = Arc::new(self.heard(now, self.tick, entry));
+        outbox.push(Output::Show(Arc::clone(&heard)));
+        outbox.push(Output::Write(heard));
+    }
+
+    fn heard(&self, now: Stamp, tick: u32, entry: Entry) -> Heard {
+        let session_time = match self.timing.pace {
+            Pace::Real => now,
+            Pace::Lockstep => Stamp::of_tick(tick, self.timing.period),
+        };
+        Heard {
+            at: now,
+            session_time,
+            tick,
+            entry,
+        }
+    }
+}
+
+impl Node for Recorder {
+    type Event = Event;
+    type Output = Output;
+
+    fn step(&mut self, now: Stamp, event: Event, outbox: &mut Outbox<Output>) {
+        if matches!(self.phase, Phase::Closed) {
+            return;
+        }
+        self.pass_on_due_counts(now, outbox);
+        match event {
+            Event::Sample(sample) => {
+                self.touch(now);
+                self.on_sample(now, sample, outbox);
+            }
+            Event::Unreadable(sample) => {
+                self.touch(now);
+                self.on_unreadable(now, sample, outbox);
+            }
+            Event::Wake => {}
+            Event::Presence { peer, alive } => self.on_presence(now, peer, alive, outbox),
+            Event::Stop => self.on_stop(now, outbox),
+        }
+    }
+
+    fn deadline(&self) -> Option<Stamp> {
+        match self.phase {
+            Phase::Hearing { counts_due } => Some(counts_due),
+            Phase::Silent | Phase::Closed => None,
+        }
+    }
+}
+
+fn motion_note(about: NodeName, before: Option<Motion>, motion: Motion) -> Option<Note> {
+    if before.is_some_and(|before| same_motion(before, motion)) {
+        return None;
+    }
+    Some(match motion {
+        Motion::Held(reason) => Note {
+            level: level_of(reason),
+            about,
+            text: format!("stop: {reason}"),
+        },
+        Motion::Permitted { press } => info(about, format!("motion is permitted by press {press}")),
+    })
+}
+
+/// Waiting for the human is the course of things; losing something is not.
+const fn level_of(reason: Reason) -> Level {
+    match reason {
+        Reason::NoCommandYet
+        | Reason::NoSetpointYet
+        | Reason::DeadmanReleased
+        | Reason::AwaitingPress
+        | Reason::TrialOver
+        | Reason::NoTrial => Level::Info,
+        Reason::CommandLost { .. }
+        | Reason::SetpointLost { .. }
+        | Reason::StateLost { .. }
+        | Reason::LoopTooOld
+        | Reason::ShuttingDown
+        | Reason::SecondOperator => Level::Warning,
+    }
+}
+
+/// Whether two motions are the same but for how long a silence has lasted.
+fn same_motion(one: Motion, other: Motion) -> bool {
+    match (one, other) {
+        (Motion::Held(one), Motion::Held(other)) => discriminant(&one) == discriminant(&other),
+        _ => one == other,
+    }
+}
+
+fn forecast_note(forecast: &tandem_wire::Forecast) -> Note {
+    let widest = |axis: fn(&tandem_wire::Vec3) -> f64| {
+        forecast.points.iter().map(|point| axis(&point.half_width)).fold(0.0, f64::max)
+    };
+    let millimetres = widest(|w| w.x).max(widest(|w| w.y)).max(widest(|w| w.z)) * 1e3;
+    let ratio = forecast.points.iter().map(|point| point.ratio.0).fold(0.0, f64::max);
+    let ahead = seconds(forecast.period) * forecast.points.len() as f64;
+    let text = format!(
+        "forecast {}: {ahead:.1} s ahead, at worst ±{millimetres:.1} mm and {ratio:.2} times as unsure as in training",
+        forecast.number,
+    );
+    info(NodeName::Predictor, text)
+}
+
+fn info(about: NodeName, text: String) -> Note {
+    Note {
+        level: Level::Info,
+        about,
+        text,
+    }
+}
+
+fn warning(about: NodeName, text: String) -> Note {
+    Note {
+        level: Level::Warning,
+        about,
+        text,
+    }
+}

@@ -1,0 +1,77 @@
+//! The bytes at the recorder's edge: every topic comes in, nothing goes out.
+
+use tandem_wire::{
+    Envelope, Input, JournalBatch, Malformed, Message, NodeName, Ports, Topic, Unreadable, decode,
+};
+
+use crate::heard::{JournalPart, Sample};
+use crate::node::{Event, Output, Recorder};
+
+impl Ports for Recorder {
+    const NAME: NodeName = NodeName::Recorder;
+    const INPUTS: &'static [Topic] = &[
+        Topic::Command,
+        Topic::Proposal,
+        Topic::Forecast,
+        Topic::Setpoint,
+        Topic::State,
+        Topic::Scene,
+        Topic::Trial,
+        Topic::Journal(NodeName::Operator),
+        Topic::Journal(NodeName::Predictor),
+        Topic::Journal(NodeName::Arbiter),
+        Topic::Journal(NodeName::RobotSim),
+        Topic::Info(NodeName::Operator),
+        Topic::Info(NodeName::Predictor),
+        Topic::Info(NodeName::Arbiter),
+        Topic::Info(NodeName::RobotSim),
+        Topic::Info(NodeName::Recorder),
+    ];
+    const OUTPUTS: &'static [Topic] = &[];
+
+    fn event(input: Input<'_>) -> Event {
+        match input {
+            Input::Sample { topic, bytes } => match sample(topic, bytes) {
+                Ok(sample) => Event::Sample(sample),
+                Err(why) => Event::Unreadable(Unreadable { topic, why }),
+            },
+            Input::Wake => Event::Wake,
+            Input::Presence { peer, alive } => Event::Presence { peer, alive },
+            Input::Stop => Event::Stop,
+        }
+    }
+
+    fn sample(_: &Output, _: &mut Vec<u8>) -> Option<Topic> {
+        None
+    }
+}
+
+fn sample(topic: Topic, bytes: &[u8]) -> Result<Sample, Malformed> {
+    Ok(match topic {
+        Topic::Command => Sample::Command(decode(bytes)?),
+        Topic::Proposal => Sample::Proposal(decode(bytes)?),
+        Topic::Forecast => Sample::Forecast(decode(bytes)?),
+        Topic::Setpoint => Sample::Setpoint(Box::new(decode(bytes)?)),
+        Topic::State => Sample::State(Box::new(decode(bytes)?)),
+        Topic::Scene => Sample::Scene(decode(bytes)?),
+        Topic::Trial => Sample::Trial(decode(bytes)?),
+        Topic::Journal(node) => Sample::Journal(journal_part(node, bytes)?),
+        Topic::Info(node) => Sample::Info(node, decode(bytes)?),
+        Topic::Alive(_) | Topic::Device => return Err(Malformed::Topic),
+    })
+}
+
+/// Reads a batch to see that it is whole, and keeps its bytes: a later execution wants them as they travelled.
+fn journal_part(node: NodeName, bytes: &[u8]) -> Result<JournalPart, Malformed> {
+    let Envelope { header, body } = decode::<JournalBatch>(bytes)?;
+    Ok(JournalPart {
+        node,
+        header,
+        first: body.first,
+        entries: body.entries.len() as u64,
+        lost: body.lost,
+        bytes: bytes.to_vec(),
+    })
+}
+
+const _: () = assert!(JournalBatch::MAX_BYTES <= 1 << 22, "the queues are sized for parts of at most 4 MiB");

@@ -1,0 +1,299 @@
+//! Where outputs end up: the session file and the views, each behind a bounded queue and a thread of its own.
+//!
+//! ```text
+//!             try_send            ┌ queue ─▶ thread: session file
+//!   handle ─────────────▶ full? ──┼ queue ─▶ thread: .rrd file
+//!      never waits        drop,   └ queue ─▶ thread: live viewer, which may be absent, frozen or gone
+//!                         count it
+//! ```
+//!
+//! A sink that fails or falls behind says so once, as a [`Notice`]; from then on what it misses is counted. Closing
+//! waits for the threads up to a limit and then leaves them behind.
+
+mod feed;
+mod file;
+mod rerun_stream;
+mod viewer;
+
+use std::fmt;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use crossbeam_channel::{Receiver, bounded};
+use tandem_wire::{NodeName, Timing};
+
+use crate::config::{RecorderConfig, ViewTarget};
+use crate::heard::{Entry, Heard, Level, Note};
+use crate::node::Output;
+use crate::session_file::Provenance;
+use feed::{Feed, Shared};
+use file::FileSink;
+use rerun_stream::StreamSink;
+
+/// Notices that may wait to be read; each sink makes one or two in its life.
+const NOTICES: usize = 32;
+
+/// What never reached a sink because its queue was full or the sink had failed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Drops {
+    /// Messages missing from the session file.
+    pub session_file: u64,
+    /// Messages missing from views, all taken together.
+    pub views: u64,
+}
+
+/// Why recording cannot begin.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// The session file cannot be created.
+    #[error("the session file {path:?} cannot be written")]
+    SessionFile {
+        /// The path that was asked for.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The session file was created, but its beginning could not be written.
+    #[error("the session file {path:?} cannot be begun")]
+    Begin {
+        /// The path that was asked for.
+        path: PathBuf,
+        /// What is wrong.
+        source: crate::WriteError,
+    },
+    /// The Rerun recording cannot be created.
+    #[error("the Rerun recording {path:?} cannot be written")]
+    Recording {
+        /// The path that was asked for.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The Rerun SDK refuses to begin.
+    #[error("the Rerun view cannot be begun")]
+    View {
+        /// What the SDK says.
+        source: Box<rerun::RecordingStreamError>,
+    },
+    /// No thread can be started.
+    #[error("no thread can be started")]
+    Thread {
+        /// What the system says.
+        source: std::io::Error,
+    },
+}
+
+/// Something that a person should know once, while recording goes on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Notice {
+    /// There is no viewer to start.
+    NoViewer,
+    /// A viewer could not be started, or ended at once.
+    ViewerFailed {
+        /// What happened.
+        why: String,
+    },
+    /// Nobody answers at the viewer's address so far.
+    ViewerSilent {
+        /// The address.
+        url: String,
+    },
+    /// The viewer was there and is no longer.
+    ViewerGone {
+        /// The address.
+        url: String,
+    },
+    /// A sink falls behind, so that messages to it are dropped.
+    Behind {
+        /// Which sink.
+        sink: String,
+    },
+    /// A sink cannot go on.
+    Failed {
+        /// Which sink.
+        sink: String,
+        /// What happened.
+        why: String,
+    },
+}
+
+impl fmt::Display for Notice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoViewer => f.write_str(
+                "no Rerun viewer is running and none is on the PATH, so nothing is shown; to get it: pip install \
+                 rerun-sdk==0.36.3, or cargo install rerun-cli --version 0.36.3 --locked",
+            ),
+            Self::ViewerFailed { why } => write!(f, "the Rerun viewer could not be started ({why}); recording goes on"),
+            Self::ViewerSilent { url } => write!(f, "no viewer answers at {url} yet; recording goes on"),
+            Self::ViewerGone { url } => write!(f, "the viewer at {url} has gone; recording goes on"),
+            Self::Behind { sink } => write!(f, "{sink} falls behind; what it misses is counted"),
+            Self::Failed { sink, why } => write!(f, "{sink} cannot go on ({why}); what it misses is counted"),
+        }
+    }
+}
+
+/// How one sink ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Ended {
+    /// Which sink, in words.
+    pub sink: String,
+    /// The file it wrote, if it wrote one.
+    pub path: Option<PathBuf>,
+    /// Messages that it took, or `None` if it had not ended when the time was up.
+    pub messages: Option<u64>,
+    /// Messages that it missed.
+    pub dropped: u64,
+}
+
+/// How recording ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Closed {
+    /// Every sink, the session file first.
+    pub sinks: Vec<Ended>,
+    /// What was dropped before them.
+    pub drops: Drops,
+    /// What was still to be said.
+    pub notices: Vec<Notice>,
+}
+
+/// The session file and the views.
+pub struct Sinks {
+    file: Option<Feed>,
+    views: Vec<Feed>,
+    shared: Arc<Shared>,
+    told: Receiver<Notice>,
+    notices: Vec<Notice>,
+}
+
+impl Sinks {
+    /// Opens what the settings ask for.
+    ///
+    /// # Errors
+    /// If a file cannot be created, with its path and the reason. A viewer that is not there is no error: it becomes
+    /// a [`Notice`].
+    pub fn open(config: &RecorderConfig, timing: Timing, provenance: &Provenance) -> Result<Self, OpenError> {
+        let (tell, told) = bounded(NOTICES);
+        let shared = Arc::new(Shared::new(tell));
+        let file = match &config.session_file {
+            Some(path) => Some(open_file(config, path, provenance, &shared)?),
+            None => None,
+        };
+        let mut views = Vec::with_capacity(config.views.len());
+        for target in &config.views {
+            views.push(open_view(config, target, timing, provenance, &shared)?);
+        }
+        Ok(Self {
+            file,
+            views,
+            shared,
+            told,
+            notices: Vec::new(),
+        })
+    }
+
+    /// Passes an output on, or drops and counts it. Never waits.
+    pub fn handle(&mut self, output: Output) {
+        match output {
+            Output::Write(heard) => {
+                self.listen(&heard);
+                if let Some(file) = &mut self.file {
+                    file.offer(heard);
+                }
+            }
+            Output::Show(heard) => {
+                for view in &mut self.views {
+                    view.offer(Arc::clone(&heard));
+                }
+            }
+        }
+    }
+
+    /// What was dropped so far.
+    #[must_use]
+    pub fn drops(&self) -> Drops {
+        self.shared.drops()
+    }
+
+    /// What there is to be said since it was last asked.
+    pub fn notices(&mut self) -> Vec<Notice> {
+        self.notices.extend(self.told.try_iter());
+        std::mem::take(&mut self.notices)
+    }
+
+    /// Ends every sink, waiting for all of them together at most `limit`. What has not ended by then is left behind.
+    #[must_use]
+    pub fn close(mut self, limit: Duration) -> Closed {
+        let until = crossbeam_channel::after(limit);
+        let feeds: Vec<_> = self.file.take().into_iter().chain(self.views.drain(..)).collect();
+        // All are told to end before any is waited for.
+        let ending: Vec<_> = feeds.into_iter().map(Feed::end).collect();
+        let sinks = ending.into_iter().map(|ending| ending.wait(&until)).collect();
+        Closed {
+            sinks,
+            drops: self.shared.drops(),
+            notices: self.notices(),
+        }
+    }
+
+    /// Keeps what the sinks say in the session file too, where the losses are.
+    fn listen(&mut self, heard: &Heard) {
+        while let Ok(notice) = self.told.try_recv() {
+            if let Some(file) = &mut self.file {
+                let note = Note {
+                    level: Level::Warning,
+                    about: NodeName::Recorder,
+                    text: notice.to_string(),
+                };
+                let entry = Entry::Note(note);
+                file.offer(Arc::new(Heard { entry, ..*heard }));
+            }
+            self.notices.push(notice);
+        }
+    }
+}
+
+fn open_file(
+    config: &RecorderConfig,
+    path: &std::path::Path,
+    provenance: &Provenance,
+    shared: &Arc<Shared>,
+) -> Result<Feed, OpenError> {
+    let sink = FileSink::create(path, config.chunk_bytes, provenance, Arc::clone(shared))?;
+    let limits = feed::Limits {
+        messages: config.file_queue,
+        bytes: config.file_queue_bytes,
+        flush: config.flush,
+    };
+    Feed::start("the session file", Some(path.to_owned()), feed::Kind::SessionFile, limits, shared, sink)
+}
+
+fn open_view(
+    config: &RecorderConfig,
+    target: &ViewTarget,
+    timing: Timing,
+    provenance: &Provenance,
+    shared: &Arc<Shared>,
+) -> Result<Feed, OpenError> {
+    let limits = feed::Limits {
+        messages: config.view_queue,
+        bytes: config.file_queue_bytes,
+        flush: config.flush,
+    };
+    let kind = feed::Kind::View;
+    match target {
+        ViewTarget::Save(path) => {
+            let sink = StreamSink::save(path, timing, provenance)?;
+            Feed::start("the Rerun recording", Some(path.clone()), kind, limits, shared, sink)
+        }
+        ViewTarget::Connect(url) => {
+            let sink = viewer::ViewerSink::connect(url.clone(), timing, provenance.clone());
+            Feed::start("the live view", None, kind, limits, shared, sink)
+        }
+        ViewTarget::Spawn => {
+            let sink = viewer::ViewerSink::spawn(timing, provenance.clone());
+            Feed::start("the live view", None, kind, limits, shared, sink)
+        }
+    }
+}

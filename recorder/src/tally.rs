@@ -1,0 +1,329 @@
+//! What arrived on each topic, and what did not.
+//!
+//! A gap in a stream's sequence numbers counts as missed until the number turns up late. The last 64 numbers of a
+//! sender's run are remembered one by one, so that a repeated message is told from a late one; further back it is
+//! taken for late.
+
+use std::collections::BTreeMap;
+
+use tandem_wire::{Header, NodeName, Session, Topic};
+
+use crate::heard::JournalPart;
+
+/// Runs of senders that are remembered per topic. Two operators may send at once; more than four are told apart no
+/// longer, which makes their counts too high rather than the table too large.
+const RUNS: usize = 4;
+/// Gaps of a journal that are remembered, so that a part that arrives late can close its gap.
+const GAPS: usize = 64;
+
+/// How one message stands in its stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// The next one, or the first of a sender's run.
+    Next,
+    /// Newer than all before, but this many between were missed.
+    AfterGap(u64),
+    /// Older than the newest, and new to us.
+    Late,
+    /// Heard before.
+    Repeated,
+}
+
+/// The counts of one topic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StreamCount {
+    /// Which topic.
+    pub topic: Topic,
+    /// Messages read, repeated ones included.
+    pub received: u64,
+    /// Sequence numbers that never came.
+    pub missed: u64,
+    /// Messages that came after a later one.
+    pub late: u64,
+    /// Messages that came twice.
+    pub repeated: u64,
+    /// Samples that could not be read.
+    pub unreadable: u64,
+    /// Runs of senders.
+    pub runs: u64,
+}
+
+/// The counts of one node's journal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct JournalCount {
+    /// Whose journal.
+    pub node: NodeName,
+    /// Entries received.
+    pub entries: u64,
+    /// Entries that its writer lost.
+    pub lost: u64,
+    /// Entries between the first and the last received ones that never came.
+    pub missed: u64,
+}
+
+/// All counts, in a fixed order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Per topic.
+    pub streams: Vec<StreamCount>,
+    /// Per journal.
+    pub journals: Vec<JournalCount>,
+}
+
+/// Keeps the counts.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Tally {
+    streams: BTreeMap<Topic, Stream>,
+    journals: BTreeMap<NodeName, Journal>,
+}
+
+#[derive(Clone, Debug)]
+struct Stream {
+    count: StreamCount,
+    runs: Vec<Run>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    session: Session,
+    first: u64,
+    newest: u64,
+    /// Bit `i` says whether number `newest − i` was heard.
+    heard: u64,
+}
+
+#[derive(Clone, Debug)]
+struct Journal {
+    count: JournalCount,
+    session: Session,
+    next: u64,
+    /// Half-open ranges of indices that have not come, oldest first.
+    gaps: Vec<(u64, u64)>,
+}
+
+impl Tally {
+    /// Counts a message that was read.
+    pub(crate) fn count(&mut self, topic: Topic, header: &Header) -> Place {
+        let stream = self.stream(topic);
+        stream.count.received += 1;
+        let place = stream.place(header);
+        match place {
+            Place::Next => {}
+            Place::AfterGap(missed) => stream.count.missed = stream.count.missed.saturating_add(missed),
+            Place::Late => stream.count.late += 1,
+            Place::Repeated => stream.count.repeated += 1,
+        }
+        place
+    }
+
+    /// Counts a sample that could not be read, and says how many there were before it.
+    pub(crate) fn count_unreadable(&mut self, topic: Topic) -> u64 {
+        let count = &mut self.stream(topic).count;
+        count.unreadable += 1;
+        count.unreadable - 1
+    }
+
+    /// Counts part of a journal.
+    pub(crate) fn count_journal(&mut self, part: &JournalPart) {
+        let journal = self.journals.entry(part.node).or_insert_with(|| Journal::new(part));
+        if journal.session != part.header.session {
+            journal.session = part.header.session;
+            journal.next = part.first;
+            journal.gaps.clear();
+        }
+        journal.add(part);
+    }
+
+    /// The counts now.
+    pub(crate) fn counts(&self) -> Counts {
+        Counts {
+            streams: self.streams.values().map(|stream| stream.count).collect(),
+            journals: self.journals.values().map(|journal| journal.count).collect(),
+        }
+    }
+
+    fn stream(&mut self, topic: Topic) -> &mut Stream {
+        self.streams.entry(topic).or_insert_with(|| Stream {
+            count: StreamCount {
+                topic,
+                received: 0,
+                missed: 0,
+                late: 0,
+                repeated: 0,
+                unreadable: 0,
+                runs: 0,
+            },
+            runs: Vec::with_capacity(RUNS),
+        })
+    }
+}
+
+impl Stream {
+    fn place(&mut self, header: &Header) -> Place {
+        let seq = header.seq.0;
+        let Some(run) = self.runs.iter_mut().find(|run| run.session == header.session) else {
+            self.count.runs += 1;
+            if self.runs.len() == RUNS {
+                self.runs.remove(0);
+            }
+            self.runs.push(Run {
+                session: header.session,
+                first: seq,
+                newest: seq,
+                heard: 1,
+            });
+            return Place::Next;
+        };
+        let place = run.place(seq);
+        // Before the run's first message nothing was counted as missed, so nothing is given back.
+        if place == Place::Late && seq > run.first && run.newest - seq < u64::from(u64::BITS) {
+            self.count.missed = self.count.missed.saturating_sub(1);
+        }
+        place
+    }
+}
+
+impl Run {
+    fn place(&mut self, seq: u64) -> Place {
+        if let Some(ahead) = seq.checked_sub(self.newest).filter(|ahead| *ahead > 0) {
+            let shifted = u32::try_from(ahead).ok().and_then(|ahead| self.heard.checked_shl(ahead));
+            self.heard = shifted.unwrap_or(0) | 1;
+            self.newest = seq;
+            return if ahead == 1 { Place::Next } else { Place::AfterGap(ahead - 1) };
+        }
+        let behind = self.newest - seq;
+        let Some(bit) = u32::try_from(behind).ok().and_then(|behind| 1_u64.checked_shl(behind)) else {
+            return Place::Late;
+        };
+        if self.heard & bit == 0 {
+            self.heard |= bit;
+            Place::Late
+        } else {
+            Place::Repeated
+        }
+    }
+}
+
+impl Journal {
+    fn new(part: &JournalPart) -> Self {
+        Self {
+            count: JournalCount {
+                node: part.node,
+                entries: 0,
+                lost: 0,
+                missed: 0,
+            },
+            session: part.header.session,
+            next: part.first,
+            gaps: Vec::new(),
+        }
+    }
+
+    fn add(&mut self, part: &JournalPart) {
+        let end = part.first.saturating_add(part.entries);
+        if part.first >= self.next {
+            let missing = part.first - self.next;
+            // What the writer lost has indices too, and is lost rather than on its way.
+            let lost = part.lost.min(missing);
+            self.count.lost += lost;
+            if missing > lost {
+                self.count.missed += missing - lost;
+                self.remember_gap(self.next, part.first - lost);
+            }
+            self.count.entries += part.entries;
+            self.next = end;
+        } else {
+            let filled = self.fill(part.first, end);
+            self.count.missed = self.count.missed.saturating_sub(filled);
+            self.count.entries += filled;
+        }
+    }
+
+    fn remember_gap(&mut self, from: u64, to: u64) {
+        if self.gaps.len() == GAPS {
+            self.gaps.remove(0);
+        }
+        self.gaps.push((from, to));
+    }
+
+    /// Takes `from..to` out of the gaps and says how many indices that were.
+    fn fill(&mut self, from: u64, to: u64) -> u64 {
+        let mut filled = 0;
+        let mut left = Vec::with_capacity(self.gaps.len() + 1);
+        for &(low, high) in &self.gaps {
+            let (cut_low, cut_high) = (low.max(from), high.min(to));
+            if cut_low >= cut_high {
+                left.push((low, high));
+                continue;
+            }
+            filled += cut_high - cut_low;
+            left.extend([(low, cut_low), (cut_high, high)].into_iter().filter(|(a, b)| a < b));
+        }
+        left.truncate(GAPS);
+        self.gaps = left;
+        filled
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tandem_wire::{Seq, Stamp};
+
+    fn header(session: u64, seq: u64) -> Header {
+        Header {
+            tick: 0,
+            session: Session(session),
+            seq: Seq(seq),
+            sent: Stamp(0),
+        }
+    }
+
+    fn state_count(tally: &Tally) -> StreamCount {
+        tally.counts().streams[0]
+    }
+
+    #[test]
+    fn a_gap_is_missed_until_it_arrives_late() {
+        let mut tally = Tally::default();
+        let mut hear = |seq| tally.count(Topic::State, &header(1, seq));
+        assert_eq!(hear(5), Place::Next);
+        assert_eq!(hear(8), Place::AfterGap(2));
+        assert_eq!(hear(6), Place::Late);
+        assert_eq!(hear(6), Place::Repeated);
+        assert_eq!(hear(4), Place::Late);
+        let count = state_count(&tally);
+        assert_eq!((count.received, count.missed, count.late, count.repeated), (5, 1, 2, 1));
+    }
+
+    #[test]
+    fn a_restarted_sender_leaves_no_gap() {
+        let mut tally = Tally::default();
+        for (session, seq) in [(1, 90), (2, 1), (1, 91), (2, 2)] {
+            assert_eq!(tally.count(Topic::State, &header(session, seq)), Place::Next);
+        }
+        assert_eq!(state_count(&tally).runs, 2);
+    }
+
+    #[test]
+    fn a_journal_part_fetched_later_closes_its_gap() {
+        let mut tally = Tally::default();
+        let mut hear = |first, entries, lost| {
+            tally.count_journal(&JournalPart {
+                node: NodeName::Arbiter,
+                header: header(1, 1),
+                first,
+                entries,
+                lost,
+                bytes: Vec::new(),
+            });
+            let count = tally.counts().journals[0];
+            (count.entries, count.lost, count.missed)
+        };
+        assert_eq!(hear(0, 10, 0), (10, 0, 0));
+        assert_eq!(hear(25, 5, 3), (15, 3, 12));
+        assert_eq!(hear(12, 4, 0), (19, 3, 8));
+        assert_eq!(hear(12, 4, 0), (19, 3, 8), "again");
+        assert_eq!(hear(5, 17, 0), (27, 3, 0));
+    }
+}

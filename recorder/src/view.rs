@@ -1,0 +1,255 @@
+//! What the view draws: messages become Rerun entities, alike for a live viewer, for an `.rrd` file and for replay.
+//!
+//! [`View::draw`] is pure: it knows no viewer, file or clock, only what it was shown before. The colours carry the
+//! meaning everywhere: orange is the human, blue the robot with its forecast, what lies between is shared, grey is
+//! held. An arrow ends where the tool would be in one second.
+//!
+//! | entities | what |
+//! | --- | --- |
+//! | `world/…` | the scene in the base frame, in metres |
+//! | `plan/…` | the same from above: to the right is the base's y, downwards its x |
+//! | `plots/…` | numbers over time |
+//! | `lanes/…` | who drives, why motion is held, which trial |
+//! | `log` | the notes |
+
+mod arm;
+mod colours;
+mod interval;
+pub(crate) mod layout;
+mod plots;
+mod surroundings;
+mod trace;
+mod wishes;
+
+use rerun::external::re_sdk_types::SerializedComponentBatch;
+use rerun::{AsComponents, TimeCell, TimePoint};
+use tandem_wire::{MessageId, Scene, Setpoint, Stamp, State, Timing, Trial, Vec3};
+
+use crate::heard::{Entry, Heard, Level, Note, Sample};
+use crate::sinks::Drops;
+use plots::Latency;
+use trace::Trace;
+
+/// One thing to be drawn.
+#[derive(Clone, Debug)]
+pub struct Drawing {
+    /// The entity.
+    pub path: String,
+    /// When; `None` for what holds at all times.
+    pub moment: Option<Moment>,
+    /// Its components.
+    pub batches: Vec<SerializedComponentBatch>,
+}
+
+/// A place on both timelines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Moment {
+    /// Timeline `tick`.
+    pub tick: u32,
+    /// Timeline `session_time`.
+    pub session_time: Stamp,
+}
+
+/// Turns what was heard into what is seen.
+#[derive(Debug)]
+pub struct View {
+    scene: Option<Scene>,
+    /// The tool's newest position: where the arrows start.
+    tool: Option<Vec3>,
+    trial: u32,
+    trace: Trace,
+    latency: Latency,
+    lanes: Lanes,
+    /// The forecast that is drawn.
+    forecast: Option<MessageId>,
+}
+
+/// What stands in the lanes now; drawn only when it changes.
+#[derive(Debug, Default)]
+struct Lanes {
+    driver: Option<plots::Driver>,
+    held: Option<String>,
+    trial: Option<String>,
+}
+
+/// Where drawings are collected.
+pub(crate) struct Sheet<'a> {
+    moment: Moment,
+    drawings: &'a mut Vec<Drawing>,
+}
+
+impl View {
+    /// A view of nodes that run at this pace.
+    #[must_use]
+    pub fn new(timing: Timing) -> Self {
+        Self {
+            scene: None,
+            tool: None,
+            trial: 0,
+            trace: Trace::default(),
+            latency: Latency::new(timing.pace),
+            lanes: Lanes::default(),
+            forecast: None,
+        }
+    }
+
+    /// What holds at all times: names, colours, which way is up.
+    #[must_use]
+    pub fn opening() -> Vec<Drawing> {
+        let mut drawings = vec![fixed("world", &rerun::ViewCoordinates::RIGHT_HAND_Z_UP())];
+        drawings.extend(plots::styles());
+        drawings
+    }
+
+    /// Draws one thing that was heard; `drops` so far go with the counts.
+    pub fn draw(&mut self, heard: &Heard, drops: Drops, drawings: &mut Vec<Drawing>) {
+        let moment = Moment {
+            tick: heard.tick,
+            session_time: heard.session_time,
+        };
+        let mut sheet = Sheet { moment, drawings };
+        match &heard.entry {
+            Entry::Note(note) => draw_note(note, &mut sheet),
+            Entry::Counts(counts) => plots::draw_counts(counts, drops, &mut sheet),
+            Entry::Sample(sample) => self.draw_sample(heard.at, sample, &mut sheet),
+        }
+    }
+
+    fn draw_sample(&mut self, at: Stamp, sample: &Sample, sheet: &mut Sheet<'_>) {
+        match sample {
+            Sample::Command(message) => self.latency.commanded(message.header.id(), at),
+            Sample::Setpoint(message) => self.draw_setpoint(&message.body, sheet),
+            Sample::State(message) => {
+                self.draw_state(&message.body, sheet);
+                if let Some(nanos) = self.latency.moved(at, message) {
+                    plots::draw_latency(nanos, sheet);
+                }
+            }
+            Sample::Forecast(message) => {
+                if self.forecast.replace(message.header.id()) != Some(message.header.id()) {
+                    interval::draw_forecast(&message.body, sheet);
+                }
+            }
+            Sample::Scene(message) => self.draw_scene(&message.body, sheet),
+            Sample::Trial(message) => self.draw_trial(&message.body, sheet),
+            Sample::Proposal(_) | Sample::Journal(_) | Sample::Info(..) => {}
+        }
+    }
+
+    /// The scene is repeated every second for those who come late, and drawn only when it changes.
+    fn draw_scene(&mut self, scene: &Scene, sheet: &mut Sheet<'_>) {
+        if self.scene.as_ref() != Some(scene) {
+            surroundings::draw(scene, sheet);
+            self.scene = Some(scene.clone());
+        }
+    }
+
+    fn draw_state(&mut self, state: &State, sheet: &mut Sheet<'_>) {
+        if state.trial != self.trial {
+            self.trial = state.trial;
+            self.begin_trial(sheet);
+        }
+        let tool = state.tool.position;
+        self.tool = Some(tool);
+        if let Some(scene) = &self.scene {
+            arm::draw(&scene.bodies, state, sheet);
+        }
+        self.trace.draw(tool, trace::colour(state), sheet);
+        plots::draw_state(state, sheet);
+    }
+
+    /// A trial starts with a clean sheet: no path, no forecast.
+    fn begin_trial(&mut self, sheet: &mut Sheet<'_>) {
+        self.trace = Trace::default();
+        self.forecast = None;
+        for path in ["world/path", "plan/path", "world/forecast", "plan/forecast"] {
+            sheet.draw(path, &rerun::Clear::recursive());
+        }
+    }
+
+    fn draw_setpoint(&mut self, setpoint: &Setpoint, sheet: &mut Sheet<'_>) {
+        if let Some(tool) = self.tool {
+            wishes::draw(setpoint, tool, sheet);
+        }
+        plots::draw_setpoint(setpoint, self.tool, sheet);
+        let driver = plots::Driver::of(setpoint);
+        if self.lanes.driver.replace(driver) != Some(driver) {
+            sheet.draw("lanes/driver", &rerun::StateChange::single(driver.name()));
+        }
+        let held = setpoint.motion.reason().map(|reason| reason.to_string());
+        draw_lane("lanes/held", held, &mut self.lanes.held, sheet);
+    }
+
+    fn draw_trial(&mut self, trial: &Trial, sheet: &mut Sheet<'_>) {
+        let label = match trial {
+            Trial::Begin { number, label } => Some(format!("{number}: {label}")),
+            Trial::End { .. } => None,
+        };
+        draw_lane("lanes/trial", label, &mut self.lanes.trial, sheet);
+    }
+}
+
+fn draw_lane(path: &str, now: Option<String>, before: &mut Option<String>, sheet: &mut Sheet<'_>) {
+    if *before != now {
+        // An empty state ends the lane's bar.
+        sheet.draw(path, &rerun::StateChange::single(now.clone().unwrap_or_default()));
+        *before = now;
+    }
+}
+
+fn draw_note(note: &Note, sheet: &mut Sheet<'_>) {
+    let level = match note.level {
+        Level::Info => rerun::TextLogLevel::INFO,
+        Level::Warning => rerun::TextLogLevel::WARN,
+        Level::Error => rerun::TextLogLevel::ERROR,
+    };
+    sheet.draw("log", &rerun::TextLog::new(note.to_string()).with_level(level));
+}
+
+fn fixed(path: &str, what: &dyn AsComponents) -> Drawing {
+    Drawing {
+        path: path.to_owned(),
+        moment: None,
+        batches: what.as_serialized_batches(),
+    }
+}
+
+impl Sheet<'_> {
+    fn draw(&mut self, path: &str, what: &dyn AsComponents) {
+        self.drawings.push(Drawing {
+            path: path.to_owned(),
+            moment: Some(self.moment),
+            batches: what.as_serialized_batches(),
+        });
+    }
+
+    fn plot(&mut self, path: &str, value: f64) {
+        self.draw(path, &rerun::Scalars::single(value));
+    }
+}
+
+impl From<Moment> for TimePoint {
+    fn from(moment: Moment) -> Self {
+        let nanos = i64::try_from(moment.session_time.0).unwrap_or(i64::MAX);
+        Self::from([
+            (layout::TICK, TimeCell::from_sequence(i64::from(moment.tick))),
+            (layout::SESSION_TIME, TimeCell::from_duration_nanos(nanos)),
+        ])
+    }
+}
+
+/// Rerun's coordinates are single precision: a tenth of a micrometre at one metre.
+#[expect(clippy::cast_possible_truncation, reason = "rounding is what is wanted")]
+const fn single(value: f64) -> f32 {
+    value as f32
+}
+
+const fn xyz(v: Vec3) -> [f32; 3] {
+    [single(v.x), single(v.y), single(v.z)]
+}
+
+/// A point or direction seen from above, with the arm's base at the top: the path from left to right, as it is drawn
+/// in task coordinates.
+const fn plan(v: Vec3) -> [f32; 2] {
+    [single(v.y), single(v.x)]
+}

@@ -1,0 +1,254 @@
+//! Where on the screen everything is: the blueprint.
+//!
+//! Written entity by entity, for the SDK's own builder can neither place the camera nor bound an axis.
+
+use rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg};
+use rerun::external::re_sdk_types::blueprint::archetypes::{
+    ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend, ScalarAxis, SpatialInformation,
+    TextLogColumns, TimeAxis, TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint, VisualBounds2D,
+};
+use rerun::external::re_sdk_types::blueprint::components::{
+    ContainerKind, Corner2D, Eye3DKind, GridSpacing, LinkAxis, PanelState, PlayState, ViewClass,
+    VisualBounds2D as Bounds,
+};
+use rerun::external::re_sdk_types::blueprint::datatypes::{TextLogColumn, TextLogColumnKind, TimelineColumn};
+use rerun::external::re_sdk_types::datatypes::{Range2D, Uuid};
+use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, RecordingStreamResult};
+
+use super::colours;
+
+/// The timeline of control periods.
+pub(crate) const TICK: &str = "tick";
+/// The timeline of seconds since the session began.
+pub(crate) const SESSION_TIME: &str = "session_time";
+
+/// The plan shows this much, in metres: the shipped task with the arm's reach around it.
+const PLAN_ACROSS: [f64; 2] = [-0.42, 0.42];
+const PLAN_DOWN: [f64; 2] = [0.24, 0.72];
+
+/// Makes this the layout of `recording`, in whatever it streams to.
+pub(crate) fn send(recording: &RecordingStream) -> RecordingStreamResult<()> {
+    let Some(info) = recording.store_info() else {
+        return Ok(());
+    };
+    let application = info.application_id().clone();
+    let (blueprint, storage) = RecordingStreamBuilder::new(application).blueprint().memory()?;
+    blueprint.set_time_sequence("blueprint", 0);
+    Sketch { blueprint: &blueprint, made: 0 }.draw()?;
+    blueprint.flush_blocking().ok();
+    let messages = storage.take();
+    let Some(first) = messages.first().map(LogMsg::store_id) else {
+        return Ok(());
+    };
+    let activation = BlueprintActivationCommand {
+        blueprint_id: first.clone(),
+        make_active: true,
+        make_default: true,
+    };
+    recording.send_blueprint(messages, activation);
+    Ok(())
+}
+
+/// A layout being drawn; views and containers are numbered as they are made.
+struct Sketch<'a> {
+    blueprint: &'a RecordingStream,
+    made: u16,
+}
+
+/// A view or container, and its share of its container.
+struct Part {
+    path: String,
+    share: f32,
+}
+
+/// What a view is and shows.
+struct ViewSpec<'a> {
+    class: &'a str,
+    name: &'a str,
+    origin: &'a str,
+    share: f32,
+    properties: &'a [(&'a str, &'a dyn AsComponents)],
+}
+
+impl Sketch<'_> {
+    fn draw(mut self) -> RecordingStreamResult<()> {
+        let left = [self.world(6.0)?, self.lanes(1.5)?, self.log(1.7)?];
+        let left = self.container(ContainerKind::Vertical, "who drives", &left, 1.25)?;
+        let right = [self.plan(3.6)?, self.weight(1.5)?, self.confidence(1.7)?, self.effort(1.6)?, self.margins(1.5)?];
+        let right = self.container(ContainerKind::Vertical, "why", &right, 1.0)?;
+        let root = self.container(ContainerKind::Horizontal, "Tandem", &[left, right], 1.0)?;
+        let root = Uuid { bytes: uuid_bytes(&root.path) };
+        let viewport = ViewportBlueprint::new().with_root_container(root).with_auto_layout(false).with_auto_views(false);
+        self.blueprint.log("viewport", &viewport)?;
+        self.panels()
+    }
+
+    fn panels(&self) -> RecordingStreamResult<()> {
+        let hidden = PanelBlueprint::new().with_state(PanelState::Collapsed);
+        self.blueprint.log("blueprint_panel", &hidden)?;
+        self.blueprint.log("selection_panel", &hidden)?;
+        let time = TimePanelBlueprint::new()
+            .with_state(PanelState::Collapsed)
+            .with_timeline(SESSION_TIME)
+            .with_play_state(PlayState::Following);
+        self.blueprint.log("time_panel", &time)
+    }
+
+    fn world(&mut self, share: f32) -> RecordingStreamResult<Part> {
+        let eye = EyeControls3D::new()
+            .with_kind(Eye3DKind::Orbital)
+            .with_position([1.55, -0.75, 0.95])
+            .with_look_target([0.28, 0.0, 0.25])
+            .with_eye_up([0.0, 0.0, 1.0]);
+        let grid = LineGrid3D::new().with_spacing(GridSpacing(0.1.into())).with_color(colours::WORKSPACE);
+        let information = SpatialInformation::new("tf#/world").with_show_axes(false);
+        self.view(&ViewSpec {
+            class: "3D",
+            name: "Arm: orange = human's wish, blue = robot's wish and forecast, white = result",
+            origin: "world",
+            share,
+            properties: &[
+                ("EyeControls3D", &eye),
+                ("LineGrid3D", &grid),
+                ("SpatialInformation", &information),
+            ],
+        })
+    }
+
+    fn plan(&mut self, share: f32) -> RecordingStreamResult<Part> {
+        let bounds = VisualBounds2D::new(Bounds(Range2D {
+            x_range: PLAN_ACROSS.into(),
+            y_range: PLAN_DOWN.into(),
+        }));
+        self.view(&ViewSpec {
+            class: "2D",
+            name: "From above: path in the colour of who drove",
+            origin: "plan",
+            share,
+            properties: &[("VisualBounds2D", &bounds)],
+        })
+    }
+
+    fn lanes(&mut self, share: f32) -> RecordingStreamResult<Part> {
+        self.view(&ViewSpec {
+            class: "StateTimeline",
+            name: "Who drives",
+            origin: "lanes",
+            share,
+            properties: &[],
+        })
+    }
+
+    fn log(&mut self, share: f32) -> RecordingStreamResult<Part> {
+        let column = |kind| TextLogColumn { visible: true.into(), kind };
+        let columns = TextLogColumns::new()
+            .with_timeline_columns([TimelineColumn {
+                visible: true.into(),
+                timeline: SESSION_TIME.into(),
+            }])
+            .with_text_log_columns([column(TextLogColumnKind::LogLevel), column(TextLogColumnKind::Body)]);
+        self.view(&ViewSpec {
+            class: "TextLog",
+            name: "Trials and stops",
+            origin: "log",
+            share,
+            properties: &[("TextLogColumns", &columns)],
+        })
+    }
+
+    fn weight(&mut self, share: f32) -> RecordingStreamResult<Part> {
+        self.plot("Human's weight ω", "plots/weight", Some([-0.03, 1.03]), share)
+    }
+
+    fn confidence(&mut self, share: f32) -> RecordingStreamResult<Part> {
+        let tabs = [
+            self.plot("Half-width of the interval, mm", "plots/interval", None, 1.0)?,
+            self.plot("Interval ÷ training", "plots/ratio", None, 1.0)?,
+            self.plot("Across the path, m: tool in the interval", "plots/across", None, 1.0)?,
+        ];
+        self.container(ContainerKind::Tabs, "How sure", &tabs, share)
+    }
+
+    fn effort(&mut self, share: f32) -> RecordingStreamResult<Part> {
+        self.plot("Effort: speeds, m/s", "plots/effort", None, share)
+    }
+
+    fn margins(&mut self, share: f32) -> RecordingStreamResult<Part> {
+        let tabs = [
+            self.plot("Clearance, mm", "plots/clearance", None, 1.0)?,
+            self.plot("Command to motion, ms", "plots/latency", None, 1.0)?,
+            self.plot("Lost messages", "plots/lost", None, 1.0)?,
+        ];
+        self.container(ContainerKind::Tabs, "Margins", &tabs, share)
+    }
+
+    fn plot(&mut self, name: &str, origin: &str, range: Option<[f64; 2]>, share: f32) -> RecordingStreamResult<Part> {
+        let legend = PlotLegend::new().with_corner(Corner2D::LeftTop);
+        let time = TimeAxis::new().with_link(LinkAxis::LinkToGlobal);
+        let mut values = ScalarAxis::new();
+        if let Some(range) = range {
+            values = values.with_range(range);
+        }
+        self.view(&ViewSpec {
+            class: "TimeSeries",
+            name,
+            origin,
+            share,
+            properties: &[("PlotLegend", &legend), ("TimeAxis", &time), ("ScalarAxis", &values)],
+        })
+    }
+
+    fn view(&mut self, spec: &ViewSpec<'_>) -> RecordingStreamResult<Part> {
+        let path = format!("view/{}", self.uuid());
+        let view = ViewBlueprint::new(ViewClass(spec.class.into()))
+            .with_display_name(spec.name)
+            .with_space_origin(spec.origin);
+        self.blueprint.log(path.as_str(), &view)?;
+        let contents = ViewContents::new(["$origin/**"]);
+        self.blueprint.log(format!("{path}/ViewContents"), &contents)?;
+        for (name, property) in spec.properties {
+            self.blueprint.log(format!("{path}/{name}"), *property)?;
+        }
+        Ok(Part { path, share: spec.share })
+    }
+
+    fn container(
+        &mut self,
+        kind: ContainerKind,
+        name: &str,
+        parts: &[Part],
+        share: f32,
+    ) -> RecordingStreamResult<Part> {
+        let path = format!("container/{}", self.uuid());
+        let shares = || parts.iter().map(|part| part.share);
+        let container = ContainerBlueprint::new(kind)
+            .with_display_name(name)
+            .with_contents(parts.iter().map(|part| part.path.as_str()));
+        let container = match kind {
+            ContainerKind::Horizontal => container.with_col_shares(shares()),
+            ContainerKind::Vertical => container.with_row_shares(shares()),
+            ContainerKind::Tabs => container.with_active_tab(parts[0].path.as_str()),
+            ContainerKind::Grid => container,
+        };
+        self.blueprint.log(path.as_str(), &container)?;
+        Ok(Part { path, share })
+    }
+
+    fn uuid(&mut self) -> String {
+        self.made += 1;
+        format!("{UUID_HEAD}{:012x}", self.made)
+    }
+}
+
+/// The blueprint wants identifiers in this form; only the end has to differ.
+const UUID_HEAD: &str = "74616e64-656d-4000-8000-";
+
+/// The sixteen bytes of the identifier at the end of `path`.
+fn uuid_bytes(path: &str) -> [u8; 16] {
+    let digits: Vec<u32> = path.rsplit('/').next().unwrap_or(path).chars().filter_map(|c| c.to_digit(16)).collect();
+    let mut bytes = [0; 16];
+    for (byte, pair) in bytes.iter_mut().zip(digits.chunks_exact(2)) {
+        *byte = u8::try_from(pair[0] * 16 + pair[1]).expect("two hexadecimal digits make a byte");
+    }
+    bytes
+}

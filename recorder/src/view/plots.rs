@@ -1,0 +1,181 @@
+//! The numbers over time, and the lane of who drives.
+
+use std::collections::VecDeque;
+
+use rerun::Color;
+use tandem_wire::{Envelope, Guidance, MessageId, Nanos, Pace, Setpoint, Stamp, State, Vec3, seconds};
+
+use super::{Drawing, Sheet, colours, fixed};
+use crate::sinks::Drops;
+use crate::tally::Counts;
+
+/// Commands whose arrival is remembered until the robot moves by them: five seconds' worth at 50 Hz.
+const COMMANDS: usize = 256;
+
+/// Who drives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Driver {
+    /// The human alone: there is no forecast, or the weight is 1.
+    Human,
+    /// Both.
+    Shared,
+    /// The robot alone.
+    Robot,
+    /// Nobody: motion is held.
+    Held,
+}
+
+impl Driver {
+    const ALL: [Self; 4] = [Self::Human, Self::Shared, Self::Robot, Self::Held];
+
+    pub(super) fn of(setpoint: &Setpoint) -> Self {
+        let weight = setpoint.weight.0;
+        if !setpoint.motion.is_permitted() {
+            Self::Held
+        } else if setpoint.guidance.is_none() || weight >= 1.0 {
+            Self::Human
+        } else if weight <= 0.0 {
+            Self::Robot
+        } else {
+            Self::Shared
+        }
+    }
+
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Human => "human",
+            Self::Shared => "shared",
+            Self::Robot => "robot",
+            Self::Held => "held",
+        }
+    }
+
+    const fn colour(self) -> Color {
+        match self {
+            Self::Human => colours::HUMAN,
+            Self::Shared => colours::SHARED,
+            Self::Robot => colours::ROBOT,
+            Self::Held => colours::HELD,
+        }
+    }
+}
+
+/// Names and colours of all lines.
+pub(super) fn styles() -> Vec<Drawing> {
+    let line = |path: &str, name: &str, colour: Color, width: f32| {
+        let style = rerun::SeriesLines::new().with_names([name]).with_colors([colour]);
+        fixed(&format!("plots/{path}"), &style.with_widths([width]))
+    };
+    let (human, robot, result) = (colours::HUMAN, colours::ROBOT, colours::RESULT);
+    let drivers = rerun::StateConfiguration::new()
+        .with_values(Driver::ALL.map(Driver::name))
+        .with_colors(Driver::ALL.map(Driver::colour));
+    vec![
+        fixed("lanes/driver", &drivers),
+        line("weight/human", "human's weight ω", human, 2.0),
+        line("effort/human", "human's command", human, 2.0),
+        line("effort/robot", "robot's proposal", robot, 2.0),
+        line("effort/tool", "tool", result, 1.0),
+        line("interval/x", "half-width x", robot, 1.5),
+        line("interval/y", "half-width y", colours::SHARED, 1.5),
+        line("interval/z", "half-width z", colours::GOAL, 1.5),
+        line("ratio/now", "ratio to training", robot, 2.0),
+        line("ratio/high", "human gets all at", human, 1.0),
+        line("across/tool", "tool", result, 2.0),
+        line("across/forecast", "forecast", robot, 1.5),
+        line("across/low", "interval, low", robot, 0.75),
+        line("across/high", "interval, high", robot, 0.75),
+        line("clearance", "clearance", colours::OBSTACLE, 2.0),
+        line("latency", "command to motion", human, 1.5),
+        line("lost/missed", "missed", colours::OBSTACLE, 1.5),
+        line("lost/unreadable", "unreadable", colours::SHARED, 1.5),
+        line("lost/dropped_file", "dropped before the file", human, 1.5),
+        line("lost/dropped_view", "dropped before a view", robot, 1.5),
+    ]
+}
+
+pub(super) fn draw_setpoint(setpoint: &Setpoint, tool: Option<Vec3>, sheet: &mut Sheet<'_>) {
+    sheet.plot("plots/weight/human", setpoint.weight.0);
+    sheet.plot("plots/effort/human", setpoint.human.norm());
+    if let Some(guidance) = &setpoint.guidance {
+        sheet.plot("plots/effort/robot", guidance.velocity.norm());
+        draw_guidance(guidance, tool, sheet);
+    }
+}
+
+fn draw_guidance(guidance: &Guidance, tool: Option<Vec3>, sheet: &mut Sheet<'_>) {
+    let width = guidance.half_width;
+    for (axis, width) in [("x", width.x), ("y", width.y), ("z", width.z)] {
+        // A model of a planar task says nothing of the third axis.
+        if width > 0.0 {
+            sheet.plot(&format!("plots/interval/{axis}"), width * 1e3);
+        }
+    }
+    sheet.plot("plots/ratio/now", guidance.ratio.0);
+    sheet.plot("plots/ratio/high", guidance.ratio_high.0);
+    let centre = guidance.position.x;
+    sheet.plot("plots/across/forecast", centre);
+    sheet.plot("plots/across/low", centre - width.x);
+    sheet.plot("plots/across/high", centre + width.x);
+    if let Some(tool) = tool {
+        sheet.plot("plots/across/tool", tool.x);
+    }
+}
+
+pub(super) fn draw_state(state: &State, sheet: &mut Sheet<'_>) {
+    sheet.plot("plots/effort/tool", state.tool_velocity.norm());
+    if let Some(clearance) = state.closest.or(state.clearance) {
+        sheet.plot("plots/clearance", clearance.distance.0 * 1e3);
+    }
+}
+
+pub(super) fn draw_latency(nanos: Nanos, sheet: &mut Sheet<'_>) {
+    sheet.plot("plots/latency", seconds(nanos) * 1e3);
+}
+
+pub(super) fn draw_counts(counts: &Counts, drops: Drops, sheet: &mut Sheet<'_>) {
+    let sum = |count: fn(&crate::StreamCount) -> u64| counts.streams.iter().map(count).sum::<u64>() as f64;
+    sheet.plot("plots/lost/missed", sum(|count| count.missed));
+    sheet.plot("plots/lost/unreadable", sum(|count| count.unreadable));
+    sheet.plot("plots/lost/dropped_file", drops.session_file as f64);
+    sheet.plot("plots/lost/dropped_view", drops.views as f64);
+}
+
+/// From a command to the motion it caused, by the recorder's own clock: from hearing the command to hearing the first
+/// state that obeys it, less the time that this state says motion had then lasted, which is by the robot's clock.
+/// So no two clocks are compared.
+#[derive(Debug)]
+pub(super) struct Latency {
+    pace: Pace,
+    commands: VecDeque<(MessageId, Stamp)>,
+}
+
+impl Latency {
+    pub(super) fn new(pace: Pace) -> Self {
+        Self {
+            pace,
+            commands: VecDeque::with_capacity(COMMANDS),
+        }
+    }
+
+    pub(super) fn commanded(&mut self, id: MessageId, at: Stamp) {
+        if self.commands.len() == COMMANDS {
+            self.commands.pop_front();
+        }
+        self.commands.push_back((id, at));
+    }
+
+    /// The latency, the first time that a state obeys a command.
+    pub(super) fn moved(&mut self, at: Stamp, state: &Envelope<State>) -> Option<Nanos> {
+        let obeyed = state.body.obeys.filter(|obeyed| obeyed.setpoint.motion.is_permitted())?;
+        let command = obeyed.setpoint.command?.id;
+        let index = self.commands.iter().position(|(id, _)| *id == command)?;
+        let (_, commanded) = self.commands.drain(..=index).next_back()?;
+        let lasted = match self.pace {
+            Pace::Real => state.header.sent.since(obeyed.moved),
+            // Virtual time stands still while messages travel.
+            Pace::Lockstep => 0,
+        };
+        Some(at.since(commanded).saturating_sub(lasted))
+    }
+}

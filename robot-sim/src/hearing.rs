@@ -1,0 +1,217 @@
+//! What the robot has heard and may obey: the safety order's checks again, at the last hop.
+//!
+//! A setpoint is admitted only if its maker had seen a recent state of this robot, if it comes from the sender that is
+//! being listened to, and in order; all ages are by the robot's own clock. Whether an admitted setpoint may move the arm
+//! is then for [`Permission`] to say.
+
+use tandem_wire::{
+    Deadman, Echoes, Envelope, Guard, MessageId, Motion, Nanos, Reason, Rearm, Refusal, Refusals, Seq, Setpoint, Stamp,
+    Timing,
+};
+
+/// The stream of setpoints, as the robot hears it.
+#[derive(Clone, Debug)]
+pub(crate) struct Hearing {
+    loop_age_limit: Nanos,
+    setpoints: Guard,
+    /// Whether the stream has begun and was not lost since.
+    alive: bool,
+    echoes: Echoes,
+    /// The last state before the arm was put at its start: answers to it or to earlier ones speak of another place.
+    outdated: Seq,
+    /// The newest state.
+    newest: Seq,
+    /// A setpoint was dropped for its loop age since the last one that was admitted.
+    too_old: bool,
+    permission: Permission,
+    refused: Refusals,
+}
+
+impl Hearing {
+    pub(crate) fn new(timing: &Timing) -> Self {
+        Self {
+            loop_age_limit: timing.loop_age_limit,
+            setpoints: Guard::new(timing.stream_timeout()),
+            alive: false,
+            echoes: Echoes::default(),
+            outdated: Seq(0),
+            newest: Seq(0),
+            too_old: false,
+            permission: Permission::default(),
+            refused: Refusals::default(),
+        }
+    }
+
+    /// Takes in a setpoint and says whether the arm may move under it.
+    pub(crate) fn admit(&mut self, now: Stamp, setpoint: &Envelope<Setpoint>) -> Result<Motion, Refusal> {
+        if let Err(why) = self.check_loop(now, setpoint.body.seen) {
+            self.too_old = true;
+            return Err(why);
+        }
+        let before = self.setpoints.session();
+        self.setpoints.admit(now, &setpoint.header)?;
+        self.too_old = false;
+        self.alive = true;
+        if before != Some(setpoint.header.session) {
+            self.permission.forget();
+        }
+        Ok(self.permission.hear(setpoint.body.motion))
+    }
+
+    fn check_loop(&self, now: Stamp, seen: Option<MessageId>) -> Result<(), Refusal> {
+        if seen.is_some_and(|seen| seen.seq <= self.outdated) {
+            return Err(Refusal::LoopTooOld);
+        }
+        self.echoes.admit(now, seen, self.loop_age_limit).map(|_age| ())
+    }
+
+    /// Counts a dropped message.
+    pub(crate) fn refuse(&mut self, why: Refusal) {
+        self.refused.add(why);
+    }
+
+    /// What was dropped so far.
+    pub(crate) fn refused(&self) -> Refusals {
+        self.refused
+    }
+
+    /// Remembers that a state was sent.
+    pub(crate) fn note_state(&mut self, now: Stamp, id: MessageId) {
+        self.newest = id.seq;
+        self.echoes.note(now, id);
+    }
+
+    /// Reports the loss of the stream, once.
+    pub(crate) fn newly_lost(&mut self, now: Stamp) -> Option<Reason> {
+        if !self.alive || !self.setpoints.is_lost(now) {
+            return None;
+        }
+        self.alive = false;
+        self.permission.forget();
+        let silent = self.setpoints.silent(now).unwrap_or_default();
+        Some(if self.too_old { Reason::LoopTooOld } else { Reason::SetpointLost { silent } })
+    }
+
+    /// The robot stopped by itself: the press that permitted motion is spent.
+    pub(crate) fn spend_press(&mut self) {
+        self.permission.spend();
+    }
+
+    /// The arm was put elsewhere: answers to the states so far mean nothing any more.
+    pub(crate) fn outdate_states(&mut self) {
+        self.outdated = self.newest;
+    }
+}
+
+/// Whether a press of the deadman permits motion: [`Rearm`], fed with what setpoints tell about it.
+///
+/// Setpoints do not carry the deadman itself. One that is held because the human let go says so; one that is held for
+/// any other reason says at least that the press which permitted motion so far does no longer.
+#[derive(Clone, Debug, Default)]
+struct Permission {
+    rearm: Rearm,
+    /// The press that last permitted motion.
+    last: Option<u32>,
+}
+
+impl Permission {
+    fn hear(&mut self, motion: Motion) -> Motion {
+        match motion {
+            Motion::Held(reason) => {
+                self.hear_held(reason);
+                motion
+            }
+            Motion::Permitted { press } => match self.rearm.see(Deadman::Held { press }) {
+                Some(press) => {
+                    self.last = Some(press);
+                    Motion::Permitted { press }
+                }
+                None => Motion::Held(Reason::AwaitingPress),
+            },
+        }
+    }
+
+    fn hear_held(&mut self, reason: Reason) {
+        match (self.rearm, reason, self.last) {
+            (_, Reason::DeadmanReleased, _) => {
+                self.rearm.see(Deadman::Released);
+            }
+            (Rearm::Armed(press), ..) => self.rearm = Rearm::Spent(press),
+            // The sender is there and holds motion itself: it will permit only what it sees pressed after this.
+            (Rearm::Fresh, _, last) => self.rearm = last.map_or(Rearm::Open, Rearm::Spent),
+            (Rearm::Spent(_) | Rearm::Open, ..) => {}
+        }
+    }
+
+    /// Any other press will do: nothing was missed in between.
+    fn spend(&mut self) {
+        if let Rearm::Armed(press) = self.rearm {
+            self.rearm = Rearm::Spent(press);
+        }
+    }
+
+    /// Something was missed, or somebody else speaks: a press that is held by now does not count.
+    fn forget(&mut self) {
+        self.rearm.spend();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RELEASED: Motion = Motion::Held(Reason::DeadmanReleased);
+    const AWAITING: Motion = Motion::Held(Reason::AwaitingPress);
+
+    fn pressed(press: u32) -> Motion {
+        Motion::Permitted { press }
+    }
+
+    #[test]
+    fn the_first_thing_heard_cannot_be_a_press() {
+        let mut permission = Permission::default();
+        assert_eq!(permission.hear(pressed(4)), AWAITING);
+        assert_eq!(permission.hear(pressed(5)), pressed(5));
+    }
+
+    #[test]
+    fn a_sender_that_held_motion_may_permit_it() {
+        for reason in [Reason::DeadmanReleased, Reason::NoCommandYet, Reason::AwaitingPress] {
+            let mut permission = Permission::default();
+            permission.hear(Motion::Held(reason));
+            assert_eq!(permission.hear(pressed(1)), pressed(1));
+        }
+    }
+
+    #[test]
+    fn a_press_that_was_stopped_needs_a_release_or_another_one() {
+        let mut permission = Permission::default();
+        permission.hear(RELEASED);
+        assert_eq!(permission.hear(pressed(1)), pressed(1));
+        permission.hear(Motion::Held(Reason::LoopTooOld));
+        assert_eq!(permission.hear(pressed(1)), AWAITING);
+        permission.hear(RELEASED);
+        assert_eq!(permission.hear(pressed(1)), pressed(1));
+    }
+
+    #[test]
+    fn after_a_loss_a_press_made_meanwhile_does_not_count() {
+        let mut permission = Permission::default();
+        permission.hear(RELEASED);
+        permission.hear(pressed(1));
+        permission.forget();
+        assert_eq!(permission.hear(pressed(2)), AWAITING);
+        assert_eq!(permission.hear(pressed(3)), pressed(3));
+    }
+
+    #[test]
+    fn after_a_loss_a_held_setpoint_does_not_bring_the_old_press_back() {
+        let mut permission = Permission::default();
+        permission.hear(RELEASED);
+        permission.hear(pressed(1));
+        permission.forget();
+        permission.hear(Motion::Held(Reason::StateLost { silent: 1 }));
+        assert_eq!(permission.hear(pressed(1)), AWAITING);
+        assert_eq!(permission.hear(pressed(2)), pressed(2));
+    }
+}

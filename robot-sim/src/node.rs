@@ -1,0 +1,312 @@
+//! The step machine: one named handler per event, the watchdog, and what is published.
+
+use std::sync::Arc;
+
+use tandem_wire::{
+    Envelope, MILLISECOND, Motion, Node, Numbering, Outbox, Pace, Reason, Refusal, Scene, Session, Setpoint, Stamp,
+    State, Timing, Trial, Unreadable,
+};
+
+use crate::config::{RobotSimSettings, Surroundings, UnusableScene};
+use crate::hearing::Hearing;
+use crate::inner::Inner;
+use crate::report::{Situation, report};
+
+/// Everything that can happen to the robot.
+#[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "a setpoint is half a kilobyte; a box would allocate for every one")]
+pub enum Event {
+    /// What shall be done.
+    Setpoint(Envelope<Setpoint>),
+    /// A trial begins or ends.
+    Trial(Envelope<Trial>),
+    /// Bytes that are no message.
+    Unreadable(Unreadable),
+    /// The deadline has come.
+    Wake,
+    /// Somebody's token appeared or vanished, which decides nothing here.
+    Presence,
+    /// The process is about to end.
+    Stop,
+}
+
+/// Everything that the robot can cause.
+#[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "nearly every output is a state; a box would allocate for every one")]
+pub enum Output {
+    /// What the arm does.
+    State(Envelope<State>),
+    /// What stands around it.
+    Scene(Envelope<Arc<Scene>>),
+}
+
+/// The simulated robot; see the [crate's page](crate) for its states.
+#[derive(Clone, Debug)]
+pub struct RobotSim {
+    timing: Timing,
+    surroundings: Surroundings,
+    states: Numbering,
+    scenes: Numbering,
+    hearing: Hearing,
+    inner: Inner,
+    motion: Motion,
+    trial: Running,
+    /// Control periods since the session began.
+    tick: u32,
+    /// Whether lockstep has begun: the state of `tick` is out, its setpoint awaited.
+    in_step: bool,
+    next_state: Stamp,
+    next_scene: Stamp,
+    closed: bool,
+}
+
+/// Which trial runs.
+#[derive(Clone, Copy, Debug, Default)]
+struct Running {
+    /// 0 if none runs.
+    number: u32,
+    /// The tick at which it began.
+    start: u32,
+    /// Who began the last one and what its number was, so that a straggler begins nothing.
+    latest: Option<(Session, u32)>,
+    /// Begins as soon as the arm stands.
+    pending: Option<u32>,
+}
+
+/// How often the scene is repeated in real time, for those who come late.
+const SCENE_PERIOD: u64 = 1000 * MILLISECOND;
+
+/// The most inner ticks that one step simulates: ten times as long as any stop takes once the watchdog has spoken.
+/// Only a process that was suspended gets here, and then the arm stands by the end of it.
+const TICKS_PER_STEP_MAX: u32 = 5000;
+
+impl RobotSim {
+    /// A robot that numbers its messages in `session` and stands at the start.
+    ///
+    /// # Errors
+    /// When settings that are each in range cannot be used together, or the start cannot be reached.
+    pub fn new(session: Session, timing: Timing, settings: &RobotSimSettings) -> Result<Self, UnusableScene> {
+        let surroundings = settings.surroundings(&timing)?;
+        Ok(Self {
+            timing,
+            states: Numbering::new(session),
+            scenes: Numbering::new(session),
+            hearing: Hearing::new(&timing),
+            inner: Inner::standing(surroundings.start, &surroundings.scene.obstacles),
+            motion: Motion::Held(Reason::NoSetpointYet),
+            trial: Running::default(),
+            tick: 0,
+            in_step: false,
+            next_state: Stamp(0),
+            next_scene: Stamp(0),
+            closed: false,
+            surroundings,
+        })
+    }
+
+    /// Whether the robot lets itself move.
+    #[must_use]
+    pub const fn motion(&self) -> Motion {
+        self.motion
+    }
+
+    /// Joint angles and speeds, for tests and simulations that look inside.
+    #[must_use]
+    pub fn arm(&self) -> &crate::arm::Arm {
+        self.inner.arm()
+    }
+
+    fn on_setpoint(&mut self, now: Stamp, setpoint: Envelope<Setpoint>, outbox: &mut Outbox<Output>) {
+        let lockstep = self.timing.pace == Pace::Lockstep;
+        // Decoding lets no such number in; an event made in this process may hold one.
+        if !setpoint.body.velocity.is_finite() {
+            return self.hearing.refuse(Refusal::Unreadable);
+        }
+        if lockstep && (!self.in_step || setpoint.header.tick != self.tick) {
+            return self.hearing.refuse(Refusal::OutOfOrder);
+        }
+        match self.hearing.admit(now, &setpoint) {
+            Err(why) => return self.hearing.refuse(why),
+            Ok(motion) => self.motion = motion,
+        }
+        self.inner.obey(setpoint, now);
+        if lockstep {
+            self.finish_period(outbox);
+        }
+    }
+
+    fn on_trial(&mut self, trial: &Envelope<Trial>) {
+        let session = trial.header.session;
+        match trial.body {
+            Trial::Begin { number, .. } if number > 0 && self.is_new(session, number) => {
+                self.trial.latest = Some((session, number));
+                self.trial.pending = Some(number);
+                self.end_trial();
+            }
+            Trial::End { number, .. } if self.trial.latest == Some((session, number)) => {
+                self.trial.pending = None;
+                self.end_trial();
+            }
+            // A repetition for late joiners, or a straggler.
+            Trial::Begin { .. } | Trial::End { .. } => {}
+        }
+    }
+
+    fn is_new(&self, session: Session, number: u32) -> bool {
+        self.trial.latest.is_none_or(|(last_session, last)| session != last_session || number > last)
+    }
+
+    fn on_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        self.hold(Reason::ShuttingDown);
+        self.publish_state(now, outbox);
+        self.closed = true;
+    }
+
+    fn end_trial(&mut self) {
+        self.trial.number = 0;
+        if self.motion.is_permitted() {
+            self.hold(Reason::TrialOver);
+        }
+    }
+
+    fn hold(&mut self, reason: Reason) {
+        self.motion = Motion::Held(reason);
+        self.hearing.spend_press();
+    }
+
+    /// Simulates every inner tick up to `now` under what was known then.
+    fn catch_up(&mut self, now: Stamp) {
+        let target = now.0 / MILLISECOND;
+        for _ in 0..TICKS_PER_STEP_MAX {
+            self.watch(self.inner.time());
+            let permitted = self.motion.is_permitted();
+            if self.inner.ticks() >= target || (!permitted && self.inner.is_idle()) {
+                break;
+            }
+            self.inner.tick(permitted, &self.surroundings.bounds, &self.surroundings.scene.obstacles);
+        }
+        if self.inner.ticks() < target {
+            self.inner.skip_to(target);
+            self.watch(now);
+        }
+    }
+
+    /// The watchdog, asked at every inner tick. In lockstep silence is waited for, not timed.
+    fn watch(&mut self, now: Stamp) {
+        if self.timing.pace == Pace::Real
+            && let Some(reason) = self.hearing.newly_lost(now)
+        {
+            self.motion = Motion::Held(reason);
+        }
+    }
+
+    /// Lockstep: the rest of this period under the setpoint that just came, then the next state.
+    fn finish_period(&mut self, outbox: &mut Outbox<Output>) {
+        let tick = self.tick.saturating_add(1);
+        self.catch_up(Stamp::of_tick(tick, self.timing.period));
+        self.tick = tick;
+        self.publish_state(Stamp::of_tick(tick, self.timing.period), outbox);
+    }
+
+    /// Begins the trial that waits for it, once the arm stands. In lockstep time stands still too, so there it need
+    /// not be waited for.
+    fn begin_pending_trial(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        let lockstep = self.timing.pace == Pace::Lockstep;
+        if !lockstep && !(self.inner.is_idle() && !self.motion.is_permitted()) {
+            return;
+        }
+        let Some(number) = self.trial.pending.take() else {
+            return;
+        };
+        self.hearing.spend_press();
+        self.hearing.outdate_states();
+        self.inner.jump_to(self.surroundings.start, &self.surroundings.scene.obstacles);
+        if lockstep && self.in_step {
+            // The state of this tick is out and speaks of the old place; the trial starts with the next one.
+            self.tick = self.tick.saturating_add(1);
+            self.inner.skip_to(Stamp::of_tick(self.tick, self.timing.period).0 / MILLISECOND);
+        }
+        let now = if lockstep { Stamp::of_tick(self.tick, self.timing.period) } else { now };
+        self.in_step = lockstep;
+        self.trial.number = number;
+        self.trial.start = self.tick;
+        self.publish_scene(now, outbox);
+        self.publish_state(now, outbox);
+    }
+
+    fn publish_due(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        if self.timing.pace == Pace::Lockstep {
+            return;
+        }
+        if now >= self.next_scene {
+            self.publish_scene(now, outbox);
+        }
+        if now >= self.next_state {
+            self.publish_state(now, outbox);
+        }
+    }
+
+    fn publish_scene(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        self.next_scene = next_multiple(now, SCENE_PERIOD);
+        let scene = Arc::clone(&self.surroundings.scene);
+        outbox.push(Output::Scene(self.scenes.envelope(now, self.tick, scene)));
+    }
+
+    fn publish_state(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        self.next_state = next_multiple(now, self.timing.stream_period);
+        let situation = Situation {
+            trial: self.trial.number,
+            trial_start: self.trial.start,
+            motion: self.motion,
+            refused: self.hearing.refused(),
+        };
+        let state = report(&mut self.inner, &self.surroundings.scene.obstacles, situation);
+        let state = self.states.envelope(now, self.tick, state);
+        self.hearing.note_state(now, state.header.id());
+        outbox.push(Output::State(state));
+    }
+
+    /// In lockstep the robot's own ticks are the time, whatever the caller's clock says.
+    fn time(&self, now: Stamp) -> Stamp {
+        match self.timing.pace {
+            Pace::Real => now.max(self.inner.time()),
+            Pace::Lockstep => Stamp::of_tick(self.tick, self.timing.period),
+        }
+    }
+}
+
+/// The first multiple of `period` after `now`: late steps skip states instead of sending them in a burst.
+fn next_multiple(now: Stamp, period: u64) -> Stamp {
+    let period = period.max(1);
+    Stamp((now.0 / period).saturating_add(1).saturating_mul(period))
+}
+
+impl Node for RobotSim {
+    type Event = Event;
+    type Output = Output;
+
+    fn step(&mut self, now: Stamp, event: Event, outbox: &mut Outbox<Output>) {
+        if self.closed {
+            return;
+        }
+        let now = self.time(now);
+        if self.timing.pace == Pace::Real {
+            self.catch_up(now);
+            self.tick = u32::try_from(now.0 / self.timing.period.max(1)).unwrap_or(u32::MAX);
+        }
+        match event {
+            Event::Setpoint(setpoint) => self.on_setpoint(now, setpoint, outbox),
+            Event::Trial(trial) => self.on_trial(&trial),
+            Event::Unreadable(_) => self.hearing.refuse(Refusal::Unreadable),
+            Event::Wake | Event::Presence => {}
+            Event::Stop => return self.on_stop(now, outbox),
+        }
+        self.begin_pending_trial(now, outbox);
+        self.publish_due(now, outbox);
+    }
+
+    fn deadline(&self) -> Option<Stamp> {
+        let streams = self.timing.pace == Pace::Real && !self.closed;
+        streams.then(|| self.next_state.min(self.next_scene))
+    }
+}

@@ -1,0 +1,197 @@
+//! Scripted timelines in, everything the robot says of itself out.
+
+mod support;
+
+use support::*;
+use tandem_robot_sim::{Event, RobotSimSettings};
+use tandem_wire::{
+    Clearance, Malformed, Motion, Node, Reason, Refusal, Session, Timing, Topic, Unreadable, Vec3,
+};
+
+const RIGHT: Vec3 = Vec3::new(0.0, 0.2, 0.0);
+
+#[test]
+fn a_press_moves_the_arm_and_a_release_stops_it() {
+    let mut stage = Stage::real();
+    stage.pass(at(50));
+    stage.stream(at(100), RELEASED, Vec3::ZERO);
+    stage.stream(at(600), pressed(1), RIGHT);
+    stage.stream(at(900), RELEASED, Vec3::ZERO);
+    insta::assert_snapshot!(stage.told(), @"");
+    insta::assert_snapshot!(stage.told_in_full(5), @"");
+}
+
+#[test]
+fn a_silent_stream_stops_the_arm_and_the_same_press_does_not_move_it_again() {
+    let mut stage = Stage::real();
+    stage.stream(at(100), RELEASED, Vec3::ZERO);
+    stage.stream(at(300), pressed(1), RIGHT);
+    stage.pass(at(700));
+    let stopped_at = stage.tool();
+    stage.stream(at(1000), pressed(1), RIGHT);
+    assert_eq!(stage.tool(), stopped_at);
+    stage.stream(at(1300), pressed(2), RIGHT);
+    assert!(stage.tool().y > stopped_at.y + 0.04);
+    insta::assert_snapshot!(stage.told(), @"");
+}
+
+#[test]
+fn what_should_not_be_obeyed_is_counted_and_changes_nothing() {
+    let mut stage = Stage::real();
+    stage.stream(at(100), RELEASED, Vec3::ZERO);
+    stage.stream(at(200), pressed(1), Vec3::ZERO);
+    let newest = stage.state().header.id();
+    let good = setpoint(1000, 0, pressed(1), Vec3::ZERO, Some(newest));
+    let mut foreign = setpoint(2000, 0, pressed(1), RIGHT, Some(newest));
+    foreign.header.session = Session(99);
+    let events = [
+        Event::Setpoint(good),
+        Event::Setpoint(setpoint(1000, 0, pressed(1), RIGHT, Some(newest))),
+        Event::Setpoint(setpoint(999, 0, pressed(1), RIGHT, Some(newest))),
+        Event::Setpoint(foreign),
+        Event::Setpoint(setpoint(1001, 0, pressed(1), RIGHT, None)),
+        Event::Setpoint(setpoint(1001, 0, pressed(1), RIGHT, seen(1_000_000))),
+        Event::Unreadable(Unreadable { topic: Topic::Setpoint, why: Malformed::NotFinite }),
+        Event::Presence,
+    ];
+    let before = stage.tool();
+    for event in events {
+        stage.step(event);
+    }
+    stage.pass(at(240));
+    assert_eq!(stage.state().body.refused.count, 6);
+    assert_eq!(stage.state().body.refused.last, Some(Refusal::Unreadable));
+    assert_eq!(stage.state().body.motion, pressed(1));
+    assert!((stage.tool() - before).norm() < 1e-6);
+}
+
+#[test]
+fn a_backlog_that_arrives_in_order_is_too_old_and_stops_the_arm() {
+    let mut stage = Stage::real();
+    stage.stream(at(100), RELEASED, Vec3::ZERO);
+    stage.stream(at(200), pressed(1), RIGHT);
+    let old = Some(stage.state().header.id());
+    // Half a second's worth of setpoints was held up somewhere, and comes now, in order and at the usual rate.
+    for n in 1..=40 {
+        stage.pass(at(222 + 20 * n));
+        stage.step(Event::Setpoint(setpoint(100 + n, 0, pressed(1), RIGHT, old)));
+    }
+    insta::assert_snapshot!(stage.told(), @"");
+}
+
+#[test]
+fn a_restarted_robot_does_not_take_up_a_press_that_is_already_held() {
+    let mut stage = Stage::real();
+    stage.stream(at(300), pressed(5), RIGHT);
+    assert_eq!(stage.state().body.motion, Motion::Held(Reason::AwaitingPress));
+    assert!(stage.state().body.at_rest);
+}
+
+#[test]
+fn contact_between_two_states_is_reported() {
+    let obstacle = [0.5, -0.1];
+    let settings = RobotSimSettings {
+        obstacles_m: vec![[0.3, 0.3], obstacle],
+        obstacle_radius_m: 0.001,
+        tool_speed_m_s: 1.5,
+        tool_acceleration_m_s2: 13.0,
+        ..RobotSimSettings::default()
+    };
+    let mut stage = Stage::new(Timing::default(), &settings);
+    stage.stream(at(100), RELEASED, Vec3::ZERO);
+    // The rod and the post are 12 mm across together; at 1 m/s the tool passes within 12 ms, states are 20 ms apart.
+    stage.stream(at(600), pressed(1), Vec3::new(0.0, 1.0, 0.0));
+    let nearest = |clearance: Option<Clearance>| clearance.unwrap().distance.0;
+    let lowest = |of: &dyn Fn(&tandem_wire::State) -> f64| {
+        stage.states.iter().map(|state| of(&state.body)).fold(f64::INFINITY, f64::min)
+    };
+    assert!(lowest(&|state| nearest(state.closest)) < -0.003, "the tool went through the post");
+    assert!(lowest(&|state| nearest(state.clearance)) > 0.0, "and no state was taken while it did");
+    let touched = stage.states.iter().find(|state| nearest(state.body.closest) <= 0.0).unwrap();
+    let Clearance { body, obstacle, .. } = touched.body.closest.unwrap();
+    assert_eq!((body, obstacle), (0, 1), "the tool is the first body, the post the second obstacle");
+    for state in &stage.states {
+        assert!(nearest(state.body.closest) <= nearest(state.body.clearance));
+    }
+}
+
+#[test]
+fn in_lockstep_each_setpoint_moves_the_arm_by_one_period() {
+    let mut stage = Stage::lockstep();
+    assert_eq!(stage.robot.deadline(), None);
+    stage.step(begin(1));
+    stage.send(RELEASED, Vec3::ZERO);
+    for _ in 0..3 {
+        stage.send(pressed(1), RIGHT);
+    }
+    stage.step(end(1));
+    stage.step(begin(1));
+    stage.step(begin(2));
+    stage.send(pressed(1), RIGHT);
+    stage.send(pressed(2), RIGHT);
+    stage.step(Event::Stop);
+    stage.step(Event::Wake);
+    assert_eq!(stage.scenes.len(), 2);
+    insta::assert_snapshot!(stage.told_in_full(1), @"");
+}
+
+#[test]
+fn in_lockstep_a_setpoint_of_another_tick_is_refused() {
+    let mut stage = Stage::lockstep();
+    let mut answer = |seq, tick| {
+        stage.step(Event::Setpoint(setpoint(seq, tick, RELEASED, Vec3::ZERO, seen(1))));
+        stage.states.len()
+    };
+    assert_eq!(answer(1, 0), 0, "no trial has begun");
+    stage.step(begin(1));
+    let mut answer = |seq, tick| {
+        stage.step(Event::Setpoint(setpoint(seq, tick, RELEASED, Vec3::ZERO, seen(1))));
+        stage.states.len()
+    };
+    assert_eq!(answer(2, 1), 1, "tick 1 is not there yet");
+    assert_eq!(answer(3, 0), 2);
+    assert_eq!(answer(4, 0), 2, "tick 0 is over");
+    assert_eq!(stage.robot.deadline(), None);
+}
+
+#[test]
+fn a_trial_that_begins_while_the_arm_moves_waits_until_it_stands() {
+    let mut stage = Stage::real();
+    stage.step(begin(1));
+    stage.stream(at(100), RELEASED, Vec3::ZERO);
+    stage.stream(at(600), pressed(1), RIGHT);
+    stage.step(begin(2));
+    stage.pass(at(1000));
+    assert!((stage.tool() - Vec3::new(0.5, -0.3, 0.15)).norm() < 1e-7);
+    // An answer to a state from before the jump would steer from a place where the arm no longer is.
+    stage.step(Event::Setpoint(setpoint(500, 0, RELEASED, Vec3::ZERO, seen(20))));
+    assert_eq!(stage.state().body.refused.last, None);
+    stage.pass(at(1020));
+    assert_eq!(stage.state().body.refused.last, Some(Refusal::LoopTooOld));
+    insta::assert_snapshot!(stage.told(), @"");
+}
+
+#[test]
+fn the_scene_is_repeated_every_second() {
+    let mut stage = Stage::real();
+    stage.pass(at(3500));
+    let times: Vec<f64> = stage.scenes.iter().map(|scene| scene.header.sent.seconds()).collect();
+    assert_eq!(times, [0.0, 1.0, 2.0, 3.0]);
+    assert_eq!(stage.states.len(), 176, "50 a second, and one at the very start");
+}
+
+#[test]
+fn a_process_that_slept_finds_the_arm_stopped() {
+    let mut stage = Stage::real();
+    stage.stream(at(100), RELEASED, Vec3::ZERO);
+    stage.stream(at(300), pressed(1), RIGHT);
+    let asleep_from = stage.tool();
+    stage.now = at(86_400_000);
+    stage.step(Event::Wake);
+    let state = &stage.state().body;
+    assert_eq!(state.motion, Motion::Held(Reason::SetpointLost { silent: 101_000_000 }));
+    assert!(state.at_rest && (stage.tool() - asleep_from).norm() < 0.05);
+    stage.now = tandem_wire::Stamp(u64::MAX);
+    stage.step(Event::Wake);
+    assert!(stage.state().body.at_rest);
+}

@@ -1,0 +1,165 @@
+//! `tandem.toml` and the flags that override it, as checked settings of every part.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use tandem_arbiter::ArbiterSettings;
+use tandem_link::{LinkSettings, LoopSettings, TaskSettings};
+use tandem_operator::{HumanSettings, OperatorSettings};
+use tandem_predictor::PredictorSettings;
+use tandem_recorder::RecorderSettings;
+use tandem_robot_sim::RobotSettings;
+use tandem_settings::{Document, Section, show};
+
+use crate::Outcome;
+
+/// The file that is read when it is there and none is named.
+const DEFAULT_FILE: &str = "tandem.toml";
+
+/// Flags that every command with a configuration takes.
+#[derive(Args, Clone, Debug, Default)]
+pub(crate) struct CommonFlags {
+    /// Configuration file [default: tandem.toml if it is there].
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Overrides one key of the configuration, as in --set arbiter.weight_floor=0.2.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// What the user asked for cannot be: exit code 2.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum BadConfiguration {
+    #[error("cannot read the configuration {path}", path = path.display())]
+    Unreadable { path: PathBuf, source: std::io::Error },
+    #[error(transparent)]
+    Setting(#[from] tandem_settings::Error),
+    #[error("--set {given:?}: write KEY=VALUE, as in --set arbiter.weight_floor=0.2")]
+    Override { given: String },
+    #[error("{0}")]
+    Conflict(String),
+}
+
+/// Everything that can be set, checked.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Configuration {
+    pub link: LinkSettings,
+    pub rates: LoopSettings,
+    pub task: TaskSettings,
+    pub operator: OperatorSettings,
+    pub human: HumanSettings,
+    pub predictor: PredictorSettings,
+    pub arbiter: ArbiterSettings,
+    pub robot: RobotSettings,
+    pub recorder: RecorderSettings,
+}
+
+impl Configuration {
+    /// Reads the file, lays `--set` and then `overrides` (key, value) over it, and checks all of it.
+    pub(crate) fn load(flags: &CommonFlags, overrides: &[(&str, String)]) -> Result<Self, BadConfiguration> {
+        let mut document = document(flags)?;
+        for given in &flags.set {
+            let Some((key, value)) = given.split_once('=') else {
+                return Err(BadConfiguration::Override { given: given.clone() });
+            };
+            document.set(key.trim(), value.trim());
+        }
+        for (key, value) in overrides {
+            document.set(key, value);
+        }
+        let configuration = Self {
+            link: document.section()?,
+            rates: document.section()?,
+            task: document.section()?,
+            operator: document.section()?,
+            human: document.section()?,
+            predictor: document.section()?,
+            arbiter: document.section()?,
+            robot: document.section()?,
+            recorder: document.section()?,
+        };
+        document.finish(&[
+            LinkSettings::NAME,
+            LoopSettings::NAME,
+            TaskSettings::NAME,
+            OperatorSettings::NAME,
+            HumanSettings::NAME,
+            PredictorSettings::NAME,
+            ArbiterSettings::NAME,
+            RobotSettings::NAME,
+            RecorderSettings::NAME,
+        ])?;
+        Ok(configuration)
+    }
+
+    /// The whole configuration as commented TOML, which reads back the same.
+    pub(crate) fn to_toml(&self) -> String {
+        [
+            show(&self.link),
+            show(&self.rates),
+            show(&self.task),
+            show(&self.operator),
+            show(&self.human),
+            show(&self.predictor),
+            show(&self.arbiter),
+            show(&self.robot),
+            show(&self.recorder),
+        ]
+        .join("\n")
+    }
+}
+
+fn document(flags: &CommonFlags) -> Result<Document, BadConfiguration> {
+    let path = match &flags.config {
+        Some(path) => path.clone(),
+        None if PathBuf::from(DEFAULT_FILE).is_file() => DEFAULT_FILE.into(),
+        None => return Ok(Document::default()),
+    };
+    match std::fs::read_to_string(&path) {
+        Ok(text) => Ok(Document::parse(&path.display().to_string(), &text)?),
+        Err(source) => Err(BadConfiguration::Unreadable { path, source }),
+    }
+}
+
+/// `tandem config show`.
+pub(crate) fn print(flags: &CommonFlags) -> anyhow::Result<Outcome> {
+    print!("{}", Configuration::load(flags, &[])?.to_toml());
+    Ok(Outcome::Done)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_shown_is_read_back_whole() {
+        let shown = Configuration::default().to_toml();
+        let document = Document::parse("shown", &shown).unwrap();
+        assert_eq!(
+            document.section::<ArbiterSettings>().unwrap(),
+            ArbiterSettings::default()
+        );
+        let path = std::env::temp_dir().join(format!("tandem-config-{}.toml", std::process::id()));
+        std::fs::write(&path, &shown).unwrap();
+        let flags = CommonFlags {
+            config: Some(path.clone()),
+            set: vec![],
+        };
+        let again = Configuration::load(&flags, &[]).unwrap().to_toml();
+        std::fs::remove_file(path).unwrap();
+        assert_eq!(again, shown);
+    }
+
+    #[test]
+    fn an_override_goes_through_the_same_checks() {
+        let flags = CommonFlags {
+            config: None,
+            set: vec!["arbiter.weight_floor=7".into()],
+        };
+        let refused = Configuration::load(&flags, &[]).unwrap_err().to_string();
+        assert!(
+            refused.contains("arbiter.weight_floor") && refused.contains("0 to 1"),
+            "{refused}"
+        );
+    }
+}

@@ -1,0 +1,381 @@
+//! `tandem demo`: five nodes in this process, talking over real Zenoh sessions; the operator on its own side of a TCP
+//! connection, as if it were remote.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, bail};
+use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
+use tandem_link::{Clock, Link, Observer, Running, Sighting};
+use tandem_recorder::{Closed, Sinks};
+use tandem_wire::{JournalBatch, NodeName, Pace, Scene, Setpoint, State, Topic, Trial, decode};
+
+use crate::configuration::{CommonFlags, Configuration};
+use crate::latency::{Latency, Quantiles};
+use crate::nodes::{Parts, RunningRecorder};
+use crate::summary::{Figures, Summary};
+use crate::trial::TrialMarks;
+use crate::{Outcome, interrupt, shipped, table};
+
+/// A trial that has not ended by now is stopped.
+const TICKS_MAX: u32 = 200;
+/// In lockstep, this long without a message means that somebody does not answer.
+const STALL: Duration = Duration::from_secs(2);
+/// How long the nodes may take to find each other.
+const GATHERING: Duration = Duration::from_secs(10);
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PaceFlag {
+    /// 10 Hz control, by the clock.
+    Real,
+    /// As fast as messages travel.
+    Max,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum LawFlag {
+    Adaptive,
+    Fixed,
+    Human,
+    Robot,
+}
+
+#[derive(Args)]
+pub(crate) struct DemoFlags {
+    /// What drives time.
+    #[arg(long, value_enum, default_value = "real")]
+    pace: PaceFlag,
+    /// How human and robot share the command.
+    #[arg(long, value_enum)]
+    law: Option<LawFlag>,
+    /// Seed of the simulated human.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// The session file; the Rerun recording goes beside it [default: sessions/demo-<time>.mcap].
+    #[arg(long, value_name = "PATH")]
+    record: Option<PathBuf>,
+    /// Shows the run live in the Rerun viewer.
+    #[arg(long)]
+    view: bool,
+    /// Prints the summary as one JSON object.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    common: CommonFlags,
+}
+
+pub(crate) fn run(flags: &DemoFlags) -> anyhow::Result<Outcome> {
+    let began = Instant::now();
+    let configuration = configuration(flags)?;
+    let interrupted = interrupt::catch()?;
+    let model = shipped::model()?;
+    let trained = began.elapsed();
+    let pace = configuration.rates.timing().pace;
+    let robot = configuration.link.robot.parse()?;
+    let parts = Parts::new(configuration.clone(), Some(model))?.recorded_from_the_start();
+    let sinks = parts.sinks()?;
+    let (edge, remote) = Link::open_pair(&robot)?;
+    let observer = Observer::new(&edge, pace)?;
+    let team = Team::start(&parts, sinks, &edge, &remote)?;
+
+    let mut watch = Watch::new(observer, pace, ProgressBar::new(84));
+    watch.gather()?;
+    let mut trial = TrialMarks::new(edge.clone());
+    trial.mark(Trial::Begin {
+        number: 1,
+        label: "demo".into(),
+    })?;
+    let ended = watch.until_over(&interrupted);
+    let outcome = if watch.summary.figures().reached_goal {
+        "goal reached"
+    } else {
+        "goal not reached"
+    };
+    trial.mark(Trial::End {
+        number: 1,
+        outcome: outcome.into(),
+    })?;
+    let closed = team.stop()?;
+    watch.drain();
+    remote.close();
+    edge.close();
+    ended?;
+
+    let report = Report {
+        figures: watch.summary.figures(),
+        latency: watch.latency.quantiles(),
+        closed,
+        trained,
+        wall: began.elapsed(),
+        configuration,
+    };
+    report.print(flags.json)?;
+    Ok(report.outcome())
+}
+
+fn configuration(flags: &DemoFlags) -> anyhow::Result<Configuration> {
+    let session = flags.record.clone().unwrap_or_else(default_path);
+    if let Some(folder) = session.parent() {
+        std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    }
+    let rrd = session.with_extension("rrd");
+    let name = |flag: &dyn std::fmt::Debug| format!("{flag:?}").to_lowercase();
+    let mut overrides = vec![
+        ("loop.pace", name(&flags.pace)),
+        ("recorder.path", session.display().to_string()),
+        ("recorder.rrd", rrd.display().to_string()),
+        ("operator.source", "simulated".to_owned()),
+    ];
+    overrides.extend(flags.law.map(|law| ("arbiter.law", name(&law))));
+    overrides.extend(flags.seed.map(|seed| ("loop.seed", seed.to_string())));
+    overrides.extend(flags.view.then(|| ("recorder.live", "spawn".to_owned())));
+    Ok(Configuration::load(&flags.common, &overrides)?)
+}
+
+fn default_path() -> PathBuf {
+    let second = Clock::of_process().origin_unix_nanos() / 1_000_000_000;
+    PathBuf::from("sessions").join(format!("demo-{second}.mcap"))
+}
+
+/// The five nodes at work. The recorder ends last, so that it hears everybody's last words.
+struct Team {
+    players: Vec<Running>,
+    recorder: RunningRecorder,
+}
+
+impl Team {
+    fn start(parts: &Parts, sinks: Sinks, edge: &Link, remote: &Link) -> anyhow::Result<Self> {
+        let recorder = parts.recorder(edge, sinks)?;
+        let players = vec![
+            parts.operator(remote, |_| {})?,
+            parts.predictor(edge)?,
+            parts.arbiter(edge)?,
+            parts.robot_sim(edge)?,
+        ];
+        Ok(Self { players, recorder })
+    }
+
+    fn stop(self) -> anyhow::Result<Closed> {
+        for node in self.players {
+            node.stop();
+            if node.join().is_none() {
+                bail!("a node panicked: please report this with the session file");
+            }
+        }
+        self.recorder.stop()
+    }
+}
+
+/// Follows the trial from outside, as any listener could.
+struct Watch {
+    observer: Observer,
+    pace: Pace,
+    bar: ProgressBar,
+    summary: Summary,
+    latency: Latency,
+    newest: [u32; 4],
+}
+
+/// Whose message of a tick is awaited, in the order in which they follow each other.
+const RELAY: [(Topic, NodeName); 4] = [
+    (Topic::State, NodeName::RobotSim),
+    (Topic::Command, NodeName::Operator),
+    (Topic::Proposal, NodeName::Predictor),
+    (Topic::Setpoint, NodeName::Arbiter),
+];
+
+impl Watch {
+    fn new(observer: Observer, pace: Pace, bar: ProgressBar) -> Self {
+        let style = ProgressStyle::with_template("{elapsed:>4} {bar:40} tick {pos:>3}  {msg}");
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        Self {
+            observer,
+            pace,
+            bar,
+            summary: Summary::default(),
+            latency: Latency::default(),
+            newest: [0; 4],
+        }
+    }
+
+    /// Waits until all five nodes are there.
+    fn gather(&mut self) -> anyhow::Result<()> {
+        let mut missing: Vec<NodeName> = NodeName::ALL.to_vec();
+        let limit = Instant::now() + GATHERING;
+        while !missing.is_empty() {
+            match self.observer.next(limit.saturating_duration_since(Instant::now())) {
+                Some(Sighting::Presence { peer, alive: true }) => missing.retain(|name| *name != peer),
+                Some(_) => {}
+                None => bail!("{} did not come up within {} s", missing[0], GATHERING.as_secs()),
+            }
+        }
+        Ok(())
+    }
+
+    fn until_over(&mut self, interrupted: &crossbeam_channel::Receiver<()>) -> anyhow::Result<()> {
+        while !self.summary.is_over() && self.summary.ticks() < TICKS_MAX {
+            if interrupted.try_recv().is_ok() {
+                bail!("interrupted; what was recorded so far is kept");
+            }
+            match self.observer.next(STALL) {
+                Some(sighting) => self.see(&sighting),
+                None => bail!(
+                    "no message for {} s: {} does not answer",
+                    STALL.as_secs(),
+                    self.awaited()
+                ),
+            }
+        }
+        self.bar.finish_and_clear();
+        Ok(())
+    }
+
+    /// Takes in what is still under way: the ends of the journals.
+    fn drain(&mut self) {
+        while let Some(sighting) = self.observer.next(Duration::ZERO) {
+            self.see(&sighting);
+        }
+    }
+
+    fn see(&mut self, sighting: &Sighting) {
+        let Sighting::Sample { topic, bytes, .. } = sighting else {
+            return;
+        };
+        if let Some(at) = RELAY.iter().position(|(relayed, _)| relayed == topic)
+            && let Ok((_, header)) = tandem_wire::codec::peek(bytes)
+        {
+            self.newest[at] = header.tick;
+        }
+        match topic {
+            Topic::Scene => decode::<Scene>(bytes)
+                .into_iter()
+                .for_each(|scene| self.summary.see_scene(&scene.body)),
+            Topic::Setpoint => decode::<Setpoint>(bytes)
+                .into_iter()
+                .for_each(|sent| self.summary.see_setpoint(&sent)),
+            Topic::State => decode::<State>(bytes).into_iter().for_each(|state| {
+                self.latency.see_state(&state.body);
+                self.summary.see_state(&state);
+                self.bar.set_position(u64::from(self.summary.ticks()));
+                self.bar.set_message(self.summary.progress());
+            }),
+            Topic::Journal(node) => {
+                decode::<JournalBatch>(bytes)
+                    .into_iter()
+                    .for_each(|batch| self.latency.see_journal(*node, &batch.body));
+            }
+            _ => {}
+        }
+    }
+
+    /// In lockstep: whose message of the newest tick is missing.
+    fn awaited(&self) -> NodeName {
+        let newest = self.newest[0];
+        let missing = RELAY.iter().zip(self.newest).find(|(_, tick)| *tick < newest);
+        match (self.pace, missing) {
+            (Pace::Lockstep, Some(((_, node), _))) => *node,
+            _ => NodeName::RobotSim,
+        }
+    }
+}
+
+struct Report {
+    figures: Figures,
+    latency: Option<Quantiles>,
+    closed: Closed,
+    trained: Duration,
+    wall: Duration,
+    configuration: Configuration,
+}
+
+impl Report {
+    fn outcome(&self) -> Outcome {
+        if !self.figures.reached_goal {
+            Outcome::Failed
+        } else if self.closed.lost() > 0 {
+            Outcome::SamplesLost
+        } else {
+            Outcome::Done
+        }
+    }
+
+    fn print(&self, json: bool) -> anyhow::Result<()> {
+        if json {
+            println!("{}", serde_json::to_string(&self.as_json()?)?);
+        } else {
+            println!("{}", self.as_table());
+        }
+        Ok(())
+    }
+
+    fn as_json(&self) -> anyhow::Result<serde_json::Value> {
+        let mut object = serde_json::to_value(&self.figures)?;
+        let more = json!({
+            "law": format!("{:?}", self.configuration.arbiter.law).to_lowercase(),
+            "seed": self.configuration.rates.seed,
+            "session_path": self.configuration.recorder.path,
+            "rrd_path": self.configuration.recorder.rrd,
+            "latency_p50_ms": self.latency.map(|quantiles| quantiles.p50_ms),
+            "latency_p99_ms": self.latency.map(|quantiles| quantiles.p99_ms),
+            "train_ms": self.trained.as_secs_f64() * 1e3,
+            "wall_s": self.wall.as_secs_f64(),
+            "messages_lost": self.closed.lost(),
+        });
+        if let (Some(object), serde_json::Value::Object(more)) = (object.as_object_mut(), more) {
+            object.extend(more);
+        }
+        Ok(object)
+    }
+
+    fn as_table(&self) -> String {
+        let figures = &self.figures;
+        let millimetres =
+            |metres: Option<f64>| metres.map_or("unknown".into(), |metres| format!("{:.1} mm", metres * 1e3));
+        let plain = |value: Option<f64>| value.map_or("none".into(), |value| format!("{value:.3}"));
+        let stops = match figures.stops.as_slice() {
+            [] => "none".into(),
+            stops => stops
+                .iter()
+                .map(|stop| format!("tick {} by {}: {}", stop.tick, stop.by, stop.reason))
+                .collect::<Vec<_>>()
+                .join("; "),
+        };
+        let latency = self.latency.map_or("not measured".into(), |quantiles| {
+            format!("p50 {:.2} ms, p99 {:.2} ms", quantiles.p50_ms, quantiles.p99_ms)
+        });
+        let goal = if figures.reached_goal { "reached" } else { "NOT reached" };
+        let recorder = &self.configuration.recorder;
+        table::rows(&[
+            (
+                "goal",
+                format!(
+                    "{goal}, {} away after {} ticks",
+                    millimetres(figures.goal_distance_m),
+                    figures.ticks
+                ),
+            ),
+            ("smallest clearance", millimetres(figures.min_clearance_m)),
+            ("mean ω before the checkpoint", plain(figures.weight_mean_before)),
+            ("mean ω after it", plain(figures.weight_mean_after)),
+            (
+                "human effort after it",
+                format!("{} m/s", plain(figures.human_effort_mean_m_s)),
+            ),
+            ("stops", stops),
+            ("command to motion", latency),
+            ("messages lost", self.closed.lost().to_string()),
+            ("session", recorder.path.clone()),
+            (
+                "recording",
+                format!("{}   (open it: rerun {})", recorder.rrd, recorder.rrd),
+            ),
+            (
+                "model trained in",
+                format!("{:.0} ms", self.trained.as_secs_f64() * 1e3),
+            ),
+            ("all of it took", format!("{:.2} s", self.wall.as_secs_f64())),
+        ])
+    }
+}

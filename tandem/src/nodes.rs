@@ -1,0 +1,469 @@
+//! The five nodes, built from one configuration: for the demo in one process, and for a process each.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use anyhow::{Context as _, bail};
+use clap::{Args, ValueEnum};
+use crossbeam_channel::{Receiver, bounded, select};
+use tandem_arbiter::Arbiter;
+use tandem_cesn::Model;
+use tandem_link::net::DEFAULT_ENDPOINT;
+use tandem_link::{Clock, Link, LinkSettings, Observer, Running, ShellOptions, Sighting, fresh_session, spawn};
+use tandem_operator::{Operator, SourceKind, keyboard};
+use tandem_predictor::Predictor;
+use tandem_recorder::{Closed, Provenance, Recorder, RecorderConfig, Sinks};
+use tandem_robot_sim::RobotSim;
+use tandem_wire::{NodeInfo, NodeName, Ports, Session, TaskFrame, Timing, Trial};
+
+use crate::configuration::{BadConfiguration, CommonFlags, Configuration};
+use crate::trial::TrialMarks;
+use crate::{BUILD, Outcome, forecast, interrupt, shipped};
+
+/// The nodes without which no tick is complete.
+pub(crate) const LOOP: [NodeName; 4] = [
+    NodeName::Operator,
+    NodeName::Predictor,
+    NodeName::Arbiter,
+    NodeName::RobotSim,
+];
+
+/// How long a closing recorder may take to write what it has.
+const CLOSE_LIMIT: Duration = Duration::from_secs(5);
+
+/// Flags that say whom to talk to.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct NodeFlags {
+    /// The robot's name, as it stands in the keys.
+    #[arg(long)]
+    robot: Option<String>,
+    /// Whom to connect to, such as tcp/127.0.0.1:7447; tried for ever.
+    #[arg(long, value_name = "ENDPOINT")]
+    connect: Vec<String>,
+    /// Where to listen; whoever listens routes for the others, so one process is enough.
+    #[arg(long, value_name = "ENDPOINT")]
+    listen: Vec<String>,
+    /// Allows listening beyond this machine without certificates.
+    #[arg(long)]
+    insecure: bool,
+    #[command(flatten)]
+    common: CommonFlags,
+}
+
+impl NodeFlags {
+    fn configuration(&self, more: &[(&str, String)]) -> Result<Configuration, BadConfiguration> {
+        let list = |endpoints: &[String]| format!("{endpoints:?}");
+        let mut overrides = more.to_vec();
+        overrides.extend(self.robot.iter().map(|robot| ("link.robot", robot.clone())));
+        if !self.connect.is_empty() {
+            overrides.push(("link.connect", list(&self.connect)));
+        }
+        if !self.listen.is_empty() {
+            overrides.push(("link.listen", list(&self.listen)));
+        }
+        if self.insecure {
+            overrides.push(("link.insecure", "true".into()));
+        }
+        Configuration::load(&self.common, &overrides)
+    }
+}
+
+/// Where the operator's motion comes from.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum SourceFlag {
+    /// A simulated human, who drives one trial.
+    Simulated,
+    /// The keys of this terminal.
+    Keyboard,
+}
+
+#[derive(Args)]
+pub(crate) struct OperatorFlags {
+    /// Where motion comes from.
+    #[arg(long, value_enum)]
+    source: Option<SourceFlag>,
+    #[command(flatten)]
+    node: NodeFlags,
+}
+
+#[derive(Args)]
+pub(crate) struct PredictorFlags {
+    /// The model file [default: trained on the shipped demonstrations].
+    #[arg(long, value_name = "MODEL.cesn")]
+    model: Option<PathBuf>,
+    #[command(flatten)]
+    node: NodeFlags,
+}
+
+#[derive(Args)]
+pub(crate) struct ArbiterFlags {
+    #[command(flatten)]
+    node: NodeFlags,
+}
+
+#[derive(Args)]
+pub(crate) struct RobotSimFlags {
+    #[command(flatten)]
+    node: NodeFlags,
+}
+
+#[derive(Args)]
+pub(crate) struct RecorderFlags {
+    /// The session file; the Rerun recording goes beside it.
+    #[arg(long, value_name = "PATH")]
+    record: PathBuf,
+    /// Shows the session live in the Rerun viewer.
+    #[arg(long)]
+    view: bool,
+    #[command(flatten)]
+    node: NodeFlags,
+}
+
+/// What nodes are built from.
+pub(crate) struct Parts {
+    configuration: Configuration,
+    timing: Timing,
+    frame: TaskFrame,
+    model: Option<Model>,
+    session: Session,
+    await_peers: Vec<NodeName>,
+}
+
+impl Parts {
+    /// # Errors
+    /// If settings that are each right cannot be right together.
+    pub(crate) fn new(configuration: Configuration, model: Option<Model>) -> anyhow::Result<Self> {
+        let frame = configuration
+            .task
+            .frame()
+            .map_err(|error| BadConfiguration::Conflict(error.to_string()))?;
+        let timing = configuration.rates.timing();
+        Ok(Self {
+            configuration,
+            timing,
+            frame,
+            model,
+            session: fresh_session(),
+            await_peers: LOOP.to_vec(),
+        })
+    }
+
+    /// In lockstep nodes also wait for the recorder, so that the record begins with the first message.
+    pub(crate) fn recorded_from_the_start(mut self) -> Self {
+        self.await_peers.push(NodeName::Recorder);
+        self
+    }
+
+    fn options<N: Ports>(&self) -> ShellOptions {
+        let lockstep = self.timing.pace == tandem_wire::Pace::Lockstep && N::NAME != NodeName::Recorder;
+        let model = match N::NAME {
+            NodeName::Predictor => self.model.as_ref().map(Model::to_bytes).unwrap_or_default(),
+            _ => Vec::new(),
+        };
+        ShellOptions {
+            timing: self.timing,
+            info: NodeInfo {
+                session: self.session,
+                config: self.configuration.to_toml(),
+                seed: self.configuration.rates.seed,
+                build: BUILD.to_owned(),
+                model,
+            },
+            await_peers: if lockstep {
+                self.await_peers
+                    .iter()
+                    .copied()
+                    .filter(|name| *name != N::NAME)
+                    .collect()
+            } else {
+                vec![]
+            },
+        }
+    }
+
+    pub(crate) fn operator(&self, link: &Link, show: impl FnMut(String) + Send + 'static) -> anyhow::Result<Running> {
+        let Configuration {
+            operator, human, rates, ..
+        } = &self.configuration;
+        let node = Operator::new(self.session, self.timing, self.frame, rates.seed, operator, human);
+        let mut show = show;
+        let local = move |_, output| {
+            if let tandem_operator::Output::Status(status) = output {
+                show(status.to_string());
+            }
+        };
+        Ok(spawn(link, node, self.options::<Operator>(), local)?)
+    }
+
+    pub(crate) fn predictor(&self, link: &Link) -> anyhow::Result<Running> {
+        let model = self.model.clone().context("a predictor needs a model")?;
+        let node = Predictor::new(
+            self.session,
+            self.timing,
+            self.frame,
+            model,
+            &self.configuration.predictor,
+        )?;
+        Ok(spawn(link, node, self.options::<Predictor>(), |_, _| {})?)
+    }
+
+    pub(crate) fn arbiter(&self, link: &Link) -> anyhow::Result<Running> {
+        let node = Arbiter::new(self.session, self.timing, &self.configuration.arbiter)
+            .map_err(|error| BadConfiguration::Conflict(error.to_string()))?;
+        Ok(spawn(link, node, self.options::<Arbiter>(), |_, _| {})?)
+    }
+
+    pub(crate) fn robot_sim(&self, link: &Link) -> anyhow::Result<Running> {
+        let node = RobotSim::new(self.session, self.timing, &self.configuration.robot)
+            .map_err(|error| BadConfiguration::Conflict(error.to_string()))?;
+        Ok(spawn(link, node, self.options::<RobotSim>(), |_, _| {})?)
+    }
+}
+
+/// A recorder at work, with its file and views.
+pub(crate) struct RunningRecorder {
+    node: Running,
+    sinks: Arc<Mutex<Sinks>>,
+}
+
+impl RunningRecorder {
+    /// Ends the recorder: what has arrived is written, the file closed.
+    pub(crate) fn stop(self) -> anyhow::Result<Closed> {
+        self.node.stop();
+        if self.node.join().is_none() {
+            bail!("the recorder panicked: please report this; the session file ends at its last flush");
+        }
+        let sinks = Arc::into_inner(self.sinks).and_then(|sinks| sinks.into_inner().ok());
+        Ok(sinks
+            .context("the recorder's files are still in use")?
+            .close(CLOSE_LIMIT))
+    }
+}
+
+impl Parts {
+    /// Opens the session file and the views, before anything is heard: a path that cannot be written is known at once.
+    pub(crate) fn sinks(&self) -> anyhow::Result<Sinks> {
+        let config = RecorderConfig::new(&self.configuration.recorder)
+            .map_err(|error| BadConfiguration::Conflict(error.to_string()))?;
+        let provenance = Provenance {
+            robot: self.configuration.link.robot.parse()?,
+            build: BUILD.to_owned(),
+            epoch_unix_nanos: Clock::of_process().origin_unix_nanos(),
+        };
+        Ok(Sinks::open(&config, self.timing, &provenance)?)
+    }
+
+    pub(crate) fn recorder(&self, link: &Link, sinks: Sinks) -> anyhow::Result<RunningRecorder> {
+        let sinks = Arc::new(Mutex::new(sinks));
+        let shared = Arc::clone(&sinks);
+        let local = move |_, output| {
+            if let Ok(mut sinks) = shared.lock() {
+                sinks.handle(output);
+            }
+        };
+        let node = spawn(link, Recorder::new(self.timing), self.options::<Recorder>(), local)?;
+        Ok(RunningRecorder { node, sinks })
+    }
+}
+
+/// A process around one node: connected, and listening for Ctrl-C.
+struct Process {
+    link: Link,
+    interrupted: Receiver<()>,
+}
+
+impl Process {
+    /// Connects, for as long as it takes; `None` if the user gave up first.
+    fn begin(parts: &Parts, name: NodeName) -> anyhow::Result<Option<Self>> {
+        let interrupted = interrupt::catch()?;
+        let settings = parts.configuration.link.clone();
+        eprintln!("{name}: {}", describe(&settings));
+        let (sender, opened) = bounded(1);
+        // Dialling blocks until somebody answers; meanwhile Ctrl-C must still work.
+        std::thread::spawn(move || drop(sender.send(Link::open(&settings))));
+        select! {
+            recv(opened) -> link => {
+                let link = link.context("the connection attempt ended without a result")??;
+                eprintln!("{name}: connected, robot {:?}; Ctrl-C ends it", link.robot().as_str());
+                Ok(Some(Self { link, interrupted }))
+            }
+            recv(interrupted) -> _ => Ok(None),
+        }
+    }
+
+    /// Runs until Ctrl-C, or until the node ends by itself.
+    fn wait(&self, running: &Running) {
+        while !running.is_finished() && self.interrupted.recv_timeout(POLL).is_err() {}
+    }
+
+    fn end(&self, running: Running, name: NodeName) -> anyhow::Result<Outcome> {
+        running.stop();
+        let Some(report) = running.join() else {
+            bail!("{name} panicked: please report this")
+        };
+        self.link.close();
+        let lost = report.dropped + report.journal.lost;
+        eprintln!(
+            "{name}: ended after {} steps, {lost} inputs or journal entries lost",
+            report.steps
+        );
+        Ok(if lost > 0 { Outcome::SamplesLost } else { Outcome::Done })
+    }
+}
+
+/// How often a process looks whether its node has ended.
+const POLL: Duration = Duration::from_millis(100);
+
+fn describe(settings: &LinkSettings) -> String {
+    match (settings.listen.as_slice(), settings.connect.as_slice()) {
+        ([], []) => format!("connecting to {DEFAULT_ENDPOINT} (no --listen or --connect given)"),
+        ([], connect) => format!("connecting to {}", connect.join(", ")),
+        (listen, []) => format!("listening on {}", listen.join(", ")),
+        (listen, connect) => format!(
+            "listening on {}, connecting to {}",
+            listen.join(", "),
+            connect.join(", ")
+        ),
+    }
+}
+
+/// `tandem operator`.
+pub(crate) fn operator(flags: &OperatorFlags) -> anyhow::Result<Outcome> {
+    let source = flags
+        .source
+        .map(|source| ("operator.source", format!("{source:?}").to_lowercase()));
+    let configuration = flags.node.configuration(source.as_slice())?;
+    let keyboard = configuration.operator.source == SourceKind::Keyboard;
+    let parts = Parts::new(configuration, None)?;
+    let Some(process) = Process::begin(&parts, NodeName::Operator)? else {
+        return Ok(Outcome::Done);
+    };
+    let status = Arc::new(Mutex::new(String::from("waiting for the robot")));
+    let shown = Arc::clone(&status);
+    let running = parts.operator(&process.link, move |text| {
+        if let Ok(mut status) = shown.lock() {
+            *status = text;
+        }
+    })?;
+    if keyboard {
+        steer(&process, &running, &status)?;
+    } else {
+        run_one_trial(&process, &running)?;
+    }
+    process.end(running, NodeName::Operator)
+}
+
+/// Hands the terminal to the keyboard until the user leaves it.
+fn steer(process: &Process, running: &Running, status: &Mutex<String>) -> anyhow::Result<()> {
+    let device = running.device();
+    let send = |bytes| {
+        // A full queue drops the sample; the node counts a silent device as released.
+        let _ = device.send(bytes);
+        let leave = running.is_finished() || process.interrupted.try_recv().is_ok();
+        if leave {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    };
+    keyboard::run(send, || status.lock().map(|text| text.clone()).unwrap_or_default())?;
+    Ok(())
+}
+
+/// Begins a trial for the simulated human once everybody is there, and says so again for whoever restarts.
+fn run_one_trial(process: &Process, running: &Running) -> anyhow::Result<()> {
+    let presence = Observer::of_presence(&process.link)?;
+    let mut missing = LOOP.to_vec();
+    let mut marks = TrialMarks::new(process.link.clone());
+    while !running.is_finished() && process.interrupted.try_recv().is_err() {
+        match presence.next(POLL) {
+            Some(Sighting::Presence { peer, alive: true }) => missing.retain(|name| *name != peer),
+            Some(_) => {}
+            None if missing.is_empty() => {
+                marks.mark(Trial::Begin {
+                    number: 1,
+                    label: "simulated".into(),
+                })?;
+                if process.interrupted.recv_timeout(REPEAT).is_ok() {
+                    return Ok(());
+                }
+            }
+            None => {}
+        }
+    }
+    Ok(())
+}
+
+/// How often a running trial is announced again.
+const REPEAT: Duration = Duration::from_secs(1);
+
+/// `tandem predictor`.
+pub(crate) fn predictor(flags: &PredictorFlags) -> anyhow::Result<Outcome> {
+    let model = flags
+        .model
+        .as_ref()
+        .map(|path| ("predictor.model", path.display().to_string()));
+    let configuration = flags.node.configuration(model.as_slice())?;
+    let model = match configuration.predictor.model.as_str() {
+        "" => shipped::model()?,
+        path => forecast::load(&PathBuf::from(path))?,
+    };
+    let parts = Parts::new(configuration, Some(model))?;
+    serve(&parts, NodeName::Predictor, Parts::predictor)
+}
+
+/// `tandem arbiter`.
+pub(crate) fn arbiter(flags: &ArbiterFlags) -> anyhow::Result<Outcome> {
+    serve(
+        &Parts::new(flags.node.configuration(&[])?, None)?,
+        NodeName::Arbiter,
+        Parts::arbiter,
+    )
+}
+
+/// `tandem robot-sim`.
+pub(crate) fn robot_sim(flags: &RobotSimFlags) -> anyhow::Result<Outcome> {
+    serve(
+        &Parts::new(flags.node.configuration(&[])?, None)?,
+        NodeName::RobotSim,
+        Parts::robot_sim,
+    )
+}
+
+fn serve(
+    parts: &Parts,
+    name: NodeName,
+    start: fn(&Parts, &Link) -> anyhow::Result<Running>,
+) -> anyhow::Result<Outcome> {
+    let Some(process) = Process::begin(parts, name)? else {
+        return Ok(Outcome::Done);
+    };
+    let running = start(parts, &process.link)?;
+    process.wait(&running);
+    process.end(running, name)
+}
+
+/// `tandem recorder`.
+pub(crate) fn recorder(flags: &RecorderFlags) -> anyhow::Result<Outcome> {
+    let mut overrides = vec![
+        ("recorder.path", flags.record.display().to_string()),
+        ("recorder.rrd", flags.record.with_extension("rrd").display().to_string()),
+    ];
+    overrides.extend(flags.view.then(|| ("recorder.live", "spawn".to_owned())));
+    let parts = Parts::new(flags.node.configuration(&overrides)?, None)?;
+    let Some(process) = Process::begin(&parts, NodeName::Recorder)? else {
+        return Ok(Outcome::Done);
+    };
+    let recorder = parts.recorder(&process.link)?;
+    process.wait(&recorder.node);
+    let closed = recorder.stop()?;
+    process.link.close();
+    eprintln!("recorder: {closed}");
+    Ok(if closed.lost() > 0 {
+        Outcome::SamplesLost
+    } else {
+        Outcome::Done
+    })
+}

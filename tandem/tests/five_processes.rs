@@ -1,0 +1,145 @@
+//! The README's second recipe: five processes on loopback, started in an awkward order, ended by the termination signal.
+
+use std::collections::BTreeMap;
+use std::net::TcpListener;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use tandem_link::{Link, LinkSettings, Observer, Sighting};
+use tandem_wire::{Pace, Scene, State, Topic, decode};
+
+/// A process of ours, killed if the test ends early.
+struct Process(Child);
+
+impl Process {
+    fn start(arguments: &[&str]) -> Self {
+        let child = Command::new(env!("CARGO_BIN_EXE_tandem"))
+            .args(arguments)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .spawn();
+        Self(child.expect("tandem starts"))
+    }
+
+    /// Asks it to end as Ctrl-C and a service manager do, and gives its exit code.
+    fn end(mut self) -> Option<i32> {
+        let asked = Command::new("kill")
+            .args(["-s", "INT", &self.0.id().to_string()])
+            .status()
+            .expect("kill runs");
+        assert!(asked.success());
+        let limit = Instant::now() + Duration::from_secs(20);
+        while Instant::now() < limit {
+            if let Some(status) = self.0.try_wait().expect("our own child") {
+                return status.code();
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        None
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Watches until the tool has come to rest at the goal.
+fn wait_for_the_goal(endpoint: &str) {
+    let settings = LinkSettings {
+        robot: "five".into(),
+        connect: vec![endpoint.into()],
+        ..LinkSettings::default()
+    };
+    let link = Link::open(&settings).expect("the listening process answers");
+    let observer = Observer::new(&link, Pace::Real).expect("an observer");
+    let limit = Instant::now() + Duration::from_secs(60);
+    let mut goal = None;
+    let mut last = None;
+    while Instant::now() < limit {
+        let Some(Sighting::Sample { topic, bytes, .. }) = observer.next(Duration::from_secs(5)) else {
+            continue;
+        };
+        match topic {
+            Topic::Scene => {
+                goal = decode::<Scene>(&bytes)
+                    .ok()
+                    .map(|scene| (scene.body.goal, scene.body.goal_tolerance.0))
+            }
+            Topic::State => last = decode::<State>(&bytes).ok().map(|state| state.body),
+            _ => {}
+        }
+        if let (Some((goal, tolerance)), Some(state)) = (goal, last)
+            && state.at_rest
+            && state.trial > 0
+            && (state.tool.position - goal).norm() <= tolerance
+        {
+            link.close();
+            return;
+        }
+    }
+    panic!("not at the goal after a minute; the last state was {last:?}");
+}
+
+/// Messages per channel of a session file, read with the bare MCAP reader.
+fn channels(session: &Path) -> BTreeMap<String, usize> {
+    let bytes = std::fs::read(session).expect("the session file");
+    let mut counts = BTreeMap::new();
+    for message in mcap::MessageStream::new(&bytes).expect("an MCAP file") {
+        *counts
+            .entry(message.expect("a whole message").channel.topic.clone())
+            .or_default() += 1;
+    }
+    counts
+}
+
+#[test]
+#[cfg(unix)]
+fn five_processes_drive_to_the_goal_whoever_starts_first() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let session = folder.path().join("five.mcap");
+    let port = TcpListener::bind("127.0.0.1:0")
+        .and_then(|listener| listener.local_addr())
+        .expect("a free port")
+        .port();
+    let endpoint = format!("tcp/127.0.0.1:{port}");
+    let connect = ["--robot", "five", "--connect", endpoint.as_str()];
+
+    // Those who dial come first and must wait; the robot's process listens.
+    let operator = Process::start(&[&["operator", "--source", "simulated"], &connect[..]].concat());
+    let recorder = Process::start(
+        &[
+            &["recorder", "--record", session.to_str().expect("a plain path")],
+            &connect[..],
+        ]
+        .concat(),
+    );
+    let arbiter = Process::start(&[&["arbiter"], &connect[..]].concat());
+    let robot_sim = Process::start(&["robot-sim", "--robot", "five", "--listen", &endpoint]);
+    let predictor = Process::start(&[&["predictor"], &connect[..]].concat());
+    wait_for_the_goal(&endpoint);
+
+    for (name, process) in [
+        ("operator", operator),
+        ("predictor", predictor),
+        ("arbiter", arbiter),
+        ("recorder", recorder),
+        ("robot-sim", robot_sim),
+    ] {
+        assert_eq!(process.end(), Some(0), "{name} ends cleanly");
+    }
+    let counts = channels(&session);
+    for channel in ["/command", "/proposal", "/setpoint", "/state"] {
+        assert!(
+            counts.get(channel).is_some_and(|count| *count > 50),
+            "{channel} is recorded: {counts:?}"
+        );
+    }
+    assert!(
+        counts.keys().any(|topic| topic.contains("journal")),
+        "journals are recorded: {counts:?}"
+    );
+}
