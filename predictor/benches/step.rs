@@ -38,7 +38,7 @@ fn steps(c: &mut Criterion) {
     let model = std::sync::Arc::new(trained);
     let cases = [
         ("before the checkpoint", 20, 0),
-        ("the step with the forecast", 42, 1),
+        ("the step with the forecast", 41, 1),
         ("after the checkpoint", 60, 0),
     ];
     for (name, tick, forecasts) in cases {

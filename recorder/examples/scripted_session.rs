@@ -1,4 +1,6 @@
-//! Writes the tests' scripted session as `scripted.mcap` and `scripted.rrd`, to look at: the folder is the argument.
+//! Writes the tests' scripted session as `scripted.mcap` and `scripted.rrd`, to look at.
+//!
+//! `scripted_session FOLDER [none | spawn | VIEWER-URL] [SECONDS]`
 
 #[path = "../tests/script/mod.rs"]
 mod script;
@@ -18,12 +20,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     match live.as_deref() {
         Some("spawn") => settings.live = Live::Spawn,
+        None | Some("none") => {}
         Some(url) => {
             settings.live = Live::Connect;
             settings.viewer = url.into();
         }
-        None => {}
     }
+    let seconds: u64 = std::env::args().nth(3).map_or(Ok(u64::MAX), |text| text.parse())?;
     let provenance = Provenance {
         robot: "panda".parse()?,
         build: env!("CARGO_PKG_VERSION").into(),
@@ -31,7 +34,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let timing = Timing::default().lockstep();
     let mut sinks = Sinks::open(&RecorderConfig::new(&settings)?, timing, &provenance)?;
-    for output in script::record(&script::session(), timing) {
+    let mut samples = script::session();
+    samples.retain(|sample| sample.at.seconds() <= seconds as f64);
+    for output in script::record(&samples, timing) {
         sinks.handle(output);
         if live.is_some() {
             std::thread::sleep(Duration::from_millis(5));

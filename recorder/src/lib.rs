@@ -1,5 +1,6 @@
 //! wip
 #![forbid(unsafe_code)]
+mod arm;
 mod config;
 mod heard;
 mod node;

@@ -12,6 +12,7 @@
 //! | `…/tool_pose` | `foxglove.PoseInFrame` | state |
 //! | `…/forecast_path` | `foxglove.PosesInFrame` | forecast |
 //! | `…/shapes` | `foxglove.SceneUpdate` | scene, forecast with its interval |
+//! | `…/arm_points`, `scene_points`, `forecast_points` | `foxglove.PointCloud` | state, scene, forecast: the same for viewers that draw points but no shapes |
 //! | `…/log` | `foxglove.Log` | trials, stops with their reason, losses |
 //! | `…/journal/<node>` | bytes as they travelled | the journals, for executing the session again |
 //!
@@ -22,6 +23,7 @@
 //! the same wall-clock epoch: the sender's clock is its own, so across machines publish times carry its offset. The
 //! timestamps inside Foxglove's messages are on the session's time axis, which in lockstep is `tick · period`.
 
+mod cloud;
 mod convert;
 mod schemas;
 mod standard;
@@ -35,7 +37,7 @@ use foxglove::messages::Timestamp;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions};
 use sha2::{Digest, Sha256};
-use tandem_wire::{Nanos, NodeInfo, NodeName, RobotName, Seq, Stamp, Topic};
+use tandem_wire::{Envelope, Nanos, NodeInfo, NodeName, RobotName, Scene, Seq, Stamp, Topic};
 
 use crate::heard::{Entry, Heard, JournalPart, Sample};
 use crate::sinks::Drops;
@@ -86,6 +88,8 @@ pub struct SessionFile<W: Write + Seek> {
     channels: BTreeMap<&'static str, u16>,
     journals: BTreeMap<NodeName, u16>,
     infos: BTreeMap<NodeName, NodeInfo>,
+    /// The surroundings as last written: the arm's shape is part of them.
+    scene: Option<Scene>,
     models: BTreeSet<[u8; 32]>,
     sequence: u32,
     messages: u64,
@@ -120,6 +124,7 @@ impl<W: Write + Seek> SessionFile<W> {
             channels: BTreeMap::new(),
             journals: BTreeMap::new(),
             infos: BTreeMap::new(),
+            scene: None,
             models: BTreeSet::new(),
             sequence: 0,
             messages: 0,
@@ -191,21 +196,37 @@ impl<W: Write + Seek> SessionFile<W> {
             Sample::Trial(message) => self.put("trial", times, &schemas::Trial::from(message)),
             Sample::Forecast(message) => {
                 self.put("forecast", times, &schemas::Forecast::from(message))?;
+                self.put("forecast_points", times, &cloud::of_forecast(&message.body, time))?;
                 self.put("forecast_path", times, &standard::forecast_path(&message.body, time))?;
                 self.put("shapes", times, &standard::forecast_shapes(&message.body, time))
             }
             Sample::State(message) => {
                 self.put("state", times, &schemas::State::from(message.as_ref()))?;
                 self.put("frames", times, &standard::frames(&message.body, time))?;
-                self.put("tool_pose", times, &standard::tool_pose(&message.body, time))
+                self.put("tool_pose", times, &standard::tool_pose(&message.body, time))?;
+                match &self.scene {
+                    Some(scene) => {
+                        let points = cloud::of_arm(&scene.bodies, &message.body, time);
+                        self.put("arm_points", times, &points)
+                    }
+                    None => Ok(()),
+                }
             }
-            Sample::Scene(message) => {
-                self.put("scene", times, &schemas::Scene::from(message))?;
-                self.put("shapes", times, &standard::scene_shapes(&message.body, time))
-            }
+            Sample::Scene(message) => self.write_scene(times, message),
             Sample::Journal(part) => self.put_journal(times, part),
             Sample::Info(node, message) => self.keep_info(times, *node, &message.body),
         }
+    }
+
+    /// Every scene is written, its shapes only when they change: it is repeated every second.
+    fn write_scene(&mut self, times: Times, message: &Envelope<Scene>) -> Result<(), WriteError> {
+        self.put("scene", times, &schemas::Scene::from(message))?;
+        if self.scene.as_ref() == Some(&message.body) {
+            return Ok(());
+        }
+        self.scene = Some(message.body.clone());
+        self.put("shapes", times, &standard::scene_shapes(&message.body, times.session))?;
+        self.put("scene_points", times, &cloud::of_scene(&message.body, times.session))
     }
 
     fn put<T: Encode>(&mut self, channel: &'static str, times: Times, message: &T) -> Result<(), WriteError> {

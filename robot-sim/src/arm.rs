@@ -174,17 +174,25 @@ impl Arm {
             Drive::Stop => Vec3::ZERO,
         };
         let velocity = self.reference.ramped(wished, bounds);
-        let stopped = drive == Drive::Stop && velocity == Vec3::ZERO;
-        let speeds = if stopped { self.stand() } else { self.follow(velocity, &bounds.workspace) };
+        if drive == Drive::Stop && velocity == Vec3::ZERO {
+            self.stand();
+        } else {
+            self.follow(velocity, &bounds.workspace);
+        }
+    }
+
+    /// Plans the change to these joint speeds; returns the share of it that the joints can bring about.
+    fn ramp_to(&mut self, speeds: JointVector) -> f64 {
         let change = speeds - JointVector::from(self.speeds);
         let share = (0..JOINTS)
             .map(|joint| PLANNED_SHARE * ACCELERATION_MAX_RAD_S2[joint] * PLAN_S / change[joint].abs())
             .fold(1.0, f64::min);
         self.planned = (change * (share / PLAN_S)).into();
+        share
     }
 
     /// Brings the joints to rest where they are.
-    fn stand(&mut self) -> JointVector {
+    fn stand(&mut self) {
         self.reference.velocity = Vec3::ZERO;
         if self.nearly_stands() && !self.is_at_rest() {
             self.speeds = [0.0; JOINTS];
@@ -194,7 +202,7 @@ impl Arm {
                 self.reference.position = tool;
             }
         }
-        JointVector::zeros()
+        self.ramp_to(JointVector::zeros());
     }
 
     /// Whether what is left of the motion can be dropped without leaving the limits on acceleration and jerk.
@@ -205,8 +213,9 @@ impl Arm {
         })
     }
 
-    /// Joint speeds for a tool velocity at the end of this plan; moves the reference on.
-    fn follow(&mut self, velocity: Vec3, workspace: &Aabb) -> JointVector {
+    /// Plans for a tool velocity at the end of this plan, and moves the reference on. What the joints cannot give, the
+    /// reference does not ask for: otherwise it would brake before a wall from a speed that the tool no longer has.
+    fn follow(&mut self, velocity: Vec3, workspace: &Aabb) {
         let frames = forward(&self.angles);
         let tool = frames.tool();
         let lag = self.reference.position - wire(&tool.origin);
@@ -215,11 +224,12 @@ impl Arm {
         let twist = joined(&Vector3::new(linear.x, linear.y, linear.z), &angular);
         let preferred = preferred_speeds(&self.angles) * (velocity.norm() / POSTURE_FROM_M_S).min(1.0);
         let speeds = self.within_range(tool_jacobian(&frames), twist, preferred);
-        let share = (0..JOINTS)
+        let slower = (0..JOINTS)
             .map(|joint| PLANNED_SHARE * SPEED_MAX_RAD_S[joint] / speeds[joint].abs())
             .fold(1.0, f64::min);
-        self.reference.advance(velocity * share, lag, workspace);
-        speeds * share
+        let share = self.ramp_to(speeds * slower);
+        let before = self.reference.velocity;
+        self.reference.advance(before + (velocity * slower - before) * share, lag, workspace);
     }
 
     /// Solves for joint speeds that stop short of every joint's range. A joint that cannot give what the solution asks

@@ -8,7 +8,7 @@ use tandem_link::{LinkSettings, LoopSettings, TaskSettings};
 use tandem_operator::{HumanSettings, OperatorSettings};
 use tandem_predictor::PredictorSettings;
 use tandem_recorder::RecorderSettings;
-use tandem_robot_sim::RobotSettings;
+use tandem_robot_sim::RobotSimSettings;
 use tandem_settings::{Document, Section, show};
 
 use crate::Outcome;
@@ -50,7 +50,7 @@ pub(crate) struct Configuration {
     pub human: HumanSettings,
     pub predictor: PredictorSettings,
     pub arbiter: ArbiterSettings,
-    pub robot: RobotSettings,
+    pub robot: RobotSimSettings,
     pub recorder: RecorderSettings,
 }
 
@@ -86,7 +86,7 @@ impl Configuration {
             HumanSettings::NAME,
             PredictorSettings::NAME,
             ArbiterSettings::NAME,
-            RobotSettings::NAME,
+            RobotSimSettings::NAME,
             RecorderSettings::NAME,
         ])?;
         Ok(configuration)

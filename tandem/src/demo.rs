@@ -14,7 +14,7 @@ use tandem_wire::{JournalBatch, NodeName, Pace, Scene, Setpoint, State, Topic, T
 
 use crate::configuration::{CommonFlags, Configuration};
 use crate::latency::{Latency, Quantiles};
-use crate::nodes::{Parts, RunningRecorder};
+use crate::nodes::{self, Parts, RunningRecorder};
 use crate::summary::{Figures, Summary};
 use crate::trial::TrialMarks;
 use crate::{Outcome, interrupt, shipped, table};
@@ -294,7 +294,7 @@ impl Report {
     fn outcome(&self) -> Outcome {
         if !self.figures.reached_goal {
             Outcome::Failed
-        } else if self.closed.lost() > 0 {
+        } else if nodes::lost(&self.closed) > 0 {
             Outcome::SamplesLost
         } else {
             Outcome::Done
@@ -321,7 +321,7 @@ impl Report {
             "latency_p99_ms": self.latency.map(|quantiles| quantiles.p99_ms),
             "train_ms": self.trained.as_secs_f64() * 1e3,
             "wall_s": self.wall.as_secs_f64(),
-            "messages_lost": self.closed.lost(),
+            "messages_lost": nodes::lost(&self.closed),
         });
         if let (Some(object), serde_json::Value::Object(more)) = (object.as_object_mut(), more) {
             object.extend(more);
@@ -365,7 +365,7 @@ impl Report {
             ),
             ("stops", stops),
             ("command to motion", latency),
-            ("messages lost", self.closed.lost().to_string()),
+            ("messages lost", nodes::lost(&self.closed).to_string()),
             ("session", recorder.path.clone()),
             (
                 "recording",

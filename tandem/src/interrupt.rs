@@ -7,7 +7,9 @@ use crossbeam_channel::{Receiver, bounded};
 pub(crate) fn catch() -> anyhow::Result<Receiver<()>> {
     let (sender, receiver) = bounded(1);
     // One pending request to end is enough.
-    let notify = move || drop(sender.try_send(()));
+    let notify = move || {
+        let _ = sender.try_send(());
+    };
     ctrlc::set_handler(notify).context("cannot catch Ctrl-C")?;
     Ok(receiver)
 }

@@ -268,6 +268,11 @@ impl Parts {
     }
 }
 
+/// Messages that are missing from the session file; a view may miss some without harm.
+pub(crate) fn lost(closed: &Closed) -> u64 {
+    closed.drops.session_file
+}
+
 /// A process around one node: connected, and listening for Ctrl-C.
 struct Process {
     link: Link,
@@ -453,15 +458,27 @@ pub(crate) fn recorder(flags: &RecorderFlags) -> anyhow::Result<Outcome> {
     ];
     overrides.extend(flags.view.then(|| ("recorder.live", "spawn".to_owned())));
     let parts = Parts::new(flags.node.configuration(&overrides)?, None)?;
+    let sinks = parts.sinks()?;
     let Some(process) = Process::begin(&parts, NodeName::Recorder)? else {
         return Ok(Outcome::Done);
     };
-    let recorder = parts.recorder(&process.link)?;
+    let recorder = parts.recorder(&process.link, sinks)?;
     process.wait(&recorder.node);
     let closed = recorder.stop()?;
     process.link.close();
-    eprintln!("recorder: {closed}");
-    Ok(if closed.lost() > 0 {
+    for ended in &closed.sinks {
+        let taken = ended
+            .messages
+            .map_or("an unknown number of".into(), |messages| messages.to_string());
+        eprintln!(
+            "recorder: {} ended after {taken} messages, {} missed",
+            ended.sink, ended.dropped
+        );
+    }
+    for notice in &closed.notices {
+        eprintln!("recorder: {notice}");
+    }
+    Ok(if lost(&closed) > 0 {
         Outcome::SamplesLost
     } else {
         Outcome::Done

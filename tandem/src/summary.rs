@@ -4,7 +4,7 @@
 //! permitted and then held for [`QUIET_TICKS`] ticks; those ticks do not count, nor does the release that began them.
 
 use serde::Serialize;
-use tandem_wire::{Envelope, Motion, Reason, Scene, Setpoint, State, Vec3};
+use tandem_wire::{Envelope, Motion, Scene, Setpoint, State, Vec3};
 
 /// After this many ticks without motion the human has finished: a stop that the human answers is shorter.
 const QUIET_TICKS: u32 = 10;
@@ -18,7 +18,6 @@ pub(crate) struct Summary {
     current: Option<(u32, Setpoint)>,
     last_motion_tick: Option<u32>,
     tool: Option<Vec3>,
-    tool_at_last_motion: Option<Vec3>,
     smallest_clearance: Option<f64>,
     before: Mean,
     after: Mean,
@@ -26,8 +25,6 @@ pub(crate) struct Summary {
     setpoint_motion: Option<Motion>,
     state_motion: Option<Motion>,
     stops: Vec<Stop>,
-    phase: f64,
-    last_step: Option<u32>,
 }
 
 /// A stop, as it was published.
@@ -103,9 +100,6 @@ impl Summary {
             let smallest = self.smallest_clearance.unwrap_or(f64::INFINITY);
             self.smallest_clearance = Some(smallest.min(closest.distance.0));
         }
-        if state.body.motion.is_permitted() {
-            self.tool_at_last_motion = self.tool;
-        }
         let was = self.state_motion.replace(state.body.motion);
         self.note_stop("robot-sim", state.header.tick, was, state.body.motion);
     }
@@ -132,11 +126,9 @@ impl Summary {
         self.last_motion_tick = Some(tick);
         match setpoint.guidance {
             None => self.before.add(setpoint.weight.0),
-            Some(guidance) => {
+            Some(_) => {
                 self.after.add(setpoint.weight.0);
                 self.effort.add(setpoint.human.norm());
-                self.phase = guidance.phase.0;
-                self.last_step = Some(guidance.last_step);
             }
         }
     }

@@ -135,7 +135,13 @@ fn report(flags: &TrainFlags, model: &Model, bytes: usize, millis: f64) -> anyho
             ("ridge λ", format!("{:.3e}", model.lambda())),
             ("degrees of freedom", format!("{:.1} used of {rows:.0}", edf)),
             ("spread s", list(&calibration.s)),
-            ("… leaving one out", list(&calibration.s_lodo)),
+            (
+                "… leaving one out",
+                calibration
+                    .s_lodo
+                    .as_deref()
+                    .map_or("one demonstration only".into(), list)
+            ),
             ("hash", hex(&model.hash())),
         ])
     );

@@ -10,7 +10,7 @@ use tandem_wire::{Body, Cylinder, Finite, Forecast, LINKS, Nanos, SECOND, Scene,
 use crate::heard::{Level, Note};
 
 /// The frame that everything is given in.
-const BASE: &str = "base";
+pub(super) const BASE: &str = "base";
 /// An interval thinner than this could not be seen, in metres.
 const THINNEST: f64 = 0.002;
 
@@ -155,7 +155,7 @@ fn point(v: Vec3) -> Point3 {
     Point3 { x: v.x, y: v.y, z: v.z }
 }
 
-fn at(position: Vec3) -> Pose {
+pub(super) fn at(position: Vec3) -> Pose {
     Pose {
         position: Some(vector(position)),
         orientation: Some(Quaternion {

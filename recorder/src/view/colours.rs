@@ -10,9 +10,11 @@ pub(super) const RESULT: Color = opaque(235, 235, 240);
 pub(super) const OBSTACLE: Color = opaque(214, 74, 66);
 pub(super) const GOAL: Color = opaque(72, 190, 110);
 pub(super) const START: Color = opaque(170, 170, 178);
-pub(super) const WORKSPACE: Color = opaque(90, 90, 100);
+pub(super) const WORKSPACE: Color = opaque(84, 88, 100);
 pub(super) const LINK: Color = opaque(196, 200, 208);
 pub(super) const TOOL: Color = opaque(250, 220, 90);
+/// The forecast's line: the robot's colour, paler than the path that is drawn over it.
+pub(super) const FORECAST: Color = opaque(140, 210, 255);
 pub(super) const INTERVAL: Color = Color(rerun::datatypes::Rgba32::from_unmultiplied_rgba(66, 150, 250, 70));
 
 const fn opaque(r: u8, g: u8, b: u8) -> Color {

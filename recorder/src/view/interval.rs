@@ -19,7 +19,7 @@ const THINNEST: f64 = 0.0005;
 pub(super) fn draw_forecast(forecast: &Forecast, sheet: &mut Sheet<'_>) {
     let points = &forecast.points;
     let line = LineStrip3D::from_iter(points.iter().map(|point| xyz(point.position)));
-    let line = rerun::LineStrips3D::new([line]).with_colors([colours::ROBOT]).with_radii([0.0015]);
+    let line = rerun::LineStrips3D::new([line]).with_colors([colours::FORECAST]).with_radii([0.0015]);
     sheet.draw("world/forecast/line", &line);
     draw_tube(points, sheet);
     draw_band(points, sheet);
@@ -56,14 +56,29 @@ fn draw_band(points: &[ForecastPoint], sheet: &mut Sheet<'_>) {
         points.iter().enumerate().map(edge).collect()
     };
     let (left, right) = (edge(1.0), edge(-1.0));
-    let hatch = left.iter().zip(&right).map(|(left, right)| vec![*left, *right]);
-    let hatch = rerun::LineStrips2D::new(hatch).with_colors([colours::INTERVAL]).with_radii([0.002]);
+    let hatch = rerun::LineStrips2D::new(hatch(&left, &right)).with_colors([colours::INTERVAL]).with_radii([0.0015]);
     sheet.draw("plan/forecast/interval", &hatch.with_draw_order(2.0));
-    let edges = rerun::LineStrips2D::new([left, right]).with_colors([colours::ROBOT]).with_radii([0.0005]);
+    let edges = rerun::LineStrips2D::new([left, right]).with_colors([colours::FORECAST]).with_radii([0.0005]);
     sheet.draw("plan/forecast/edges", &edges.with_draw_order(3.0));
     let line: Vec<_> = points.iter().map(|point| plan(point.position)).collect();
-    let line = rerun::LineStrips2D::new([line]).with_colors([colours::ROBOT]).with_radii([0.001]);
+    let line = rerun::LineStrips2D::new([line]).with_colors([colours::FORECAST]).with_radii([0.001]);
     sheet.draw("plan/forecast/line", &line.with_draw_order(4.0));
+}
+
+/// Lines across the band, close enough to look like an area.
+fn hatch(left: &[[f32; 2]], right: &[[f32; 2]]) -> Vec<[[f32; 2]; 2]> {
+    const PER_STEP: u8 = 4;
+    let between = |edge: &[[f32; 2]], index: usize, part: f32| -> Option<[f32; 2]> {
+        let (from, to) = (edge.get(index)?, edge.get(index + 1)?);
+        Some([from[0] + part * (to[0] - from[0]), from[1] + part * (to[1] - from[1])])
+    };
+    let strokes = (0..left.len()).flat_map(|index| (0..PER_STEP).map(move |part| (index, f32::from(part))));
+    strokes
+        .filter_map(|(index, part)| {
+            let part = part / f32::from(PER_STEP);
+            Some([between(left, index, part)?, between(right, index, part)?])
+        })
+        .collect()
 }
 
 /// The horizontal direction at right angles to the path at a point; the base's y where the path goes straight up.

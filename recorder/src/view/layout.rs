@@ -12,7 +12,7 @@ use rerun::external::re_sdk_types::blueprint::components::{
     VisualBounds2D as Bounds,
 };
 use rerun::external::re_sdk_types::blueprint::datatypes::{TextLogColumn, TextLogColumnKind, TimelineColumn};
-use rerun::external::re_sdk_types::datatypes::{Range2D, Uuid};
+use rerun::external::re_sdk_types::datatypes::{Range2D, TimeRange, TimeRangeBoundary, Uuid};
 use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, RecordingStreamResult};
 
 use super::colours;
@@ -72,7 +72,7 @@ struct ViewSpec<'a> {
 
 impl Sketch<'_> {
     fn draw(mut self) -> RecordingStreamResult<()> {
-        let left = [self.world(6.0)?, self.lanes(1.5)?, self.log(1.7)?];
+        let left = [self.world(5.6)?, self.lanes(1.9)?, self.log(1.7)?];
         let left = self.container(ContainerKind::Vertical, "who drives", &left, 1.25)?;
         let right = [self.plan(3.6)?, self.weight(1.5)?, self.confidence(1.7)?, self.effort(1.6)?, self.margins(1.5)?];
         let right = self.container(ContainerKind::Vertical, "why", &right, 1.0)?;
@@ -97,8 +97,8 @@ impl Sketch<'_> {
     fn world(&mut self, share: f32) -> RecordingStreamResult<Part> {
         let eye = EyeControls3D::new()
             .with_kind(Eye3DKind::Orbital)
-            .with_position([1.55, -0.75, 0.95])
-            .with_look_target([0.28, 0.0, 0.25])
+            .with_position([1.25, -0.62, 0.78])
+            .with_look_target([0.33, 0.03, 0.27])
             .with_eye_up([0.0, 0.0, 1.0]);
         let grid = LineGrid3D::new().with_spacing(GridSpacing(0.1.into())).with_color(colours::WORKSPACE);
         let information = SpatialInformation::new("tf#/world").with_show_axes(false);
@@ -182,9 +182,14 @@ impl Sketch<'_> {
         self.container(ContainerKind::Tabs, "Margins", &tabs, share)
     }
 
+    /// A plot over the whole session, so that all of them share their time axis.
     fn plot(&mut self, name: &str, origin: &str, range: Option<[f64; 2]>, share: f32) -> RecordingStreamResult<Part> {
         let legend = PlotLegend::new().with_corner(Corner2D::LeftTop);
-        let time = TimeAxis::new().with_link(LinkAxis::LinkToGlobal);
+        let whole = TimeRange {
+            start: TimeRangeBoundary::Absolute(0.into()),
+            end: TimeRangeBoundary::Infinite,
+        };
+        let time = TimeAxis::new().with_view_range(whole);
         let mut values = ScalarAxis::new();
         if let Some(range) = range {
             values = values.with_range(range);
