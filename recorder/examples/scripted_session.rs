@@ -39,7 +39,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for output in script::record(&samples, timing) {
         sinks.handle(output);
         if live.is_some() {
-            std::thread::sleep(Duration::from_millis(5));
+            // As slow as a live session roughly is, so that the viewer is seen to follow.
+            crossbeam_channel::after(Duration::from_millis(5)).recv()?;
         }
     }
     println!("{:#?}", sinks.close(Duration::from_secs(5)));

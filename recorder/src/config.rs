@@ -145,7 +145,10 @@ mod tests {
         let config = RecorderConfig::new(&settings).unwrap();
         assert_eq!(
             config.views,
-            [ViewTarget::Save("a.rrd".into()), ViewTarget::Connect(settings.viewer.clone())]
+            [
+                ViewTarget::Save("a.rrd".into()),
+                ViewTarget::Connect(settings.viewer.clone())
+            ]
         );
     }
 
@@ -162,6 +165,9 @@ mod tests {
             rrd: "a".into(),
             ..RecorderSettings::default()
         };
-        assert!(matches!(RecorderConfig::new(&shared), Err(BadSettings::SamePath { .. })));
+        assert!(matches!(
+            RecorderConfig::new(&shared),
+            Err(BadSettings::SamePath { .. })
+        ));
     }
 }

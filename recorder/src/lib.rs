@@ -1,18 +1,48 @@
-//! wip
+//! The recorder: hears everything that is said about one robot, keeps it in a session file, and shows it in Rerun.
+//!
+//! | in | out |
+//! | --- | --- |
+//! | every topic of the robot, as bytes | [`Output::Write`]: to the session file, everything, in the order it came |
+//! | a node appears or vanishes | [`Output::Show`]: to the views, what is new to the eye |
+//! | the counts are due; the process ends | both: notes for people, and counts of what was missed |
+//!
+//! ```text
+//!                first message                  Stop
+//!     Silent ───────────────────▶ Hearing ─────────────▶ Closed
+//!       ▲                           │
+//!       └── counts, a second later ─┘
+//! ```
+//!
+//! The [`Recorder`] is the pure node: it counts gaps, repetitions and unreadable samples ([`Counts`]), notices what a
+//! person wants to read ([`Note`]: trials, stops with their reason, contact, losses), and passes everything on. It
+//! publishes nothing. Two pure translations follow: [`SessionFile`] is the shape of an MCAP file, [`View`] turns
+//! messages into Rerun entities, alike for a live viewer, an `.rrd` file and replay. [`Sinks`] is the shell's part:
+//! every file and viewer has a thread behind a bounded queue, so that none of them can hold up the node. What does
+//! not fit is dropped, counted and shown.
+//!
+//! The recorder refuses to know how messages travel, what a robot's joints are, and whether what it hears is good:
+//! it never takes part in a decision.
+//!
+//! Session files are MCAP (<https://mcap.dev>) with Foxglove's and our own self-describing protobuf; views are Rerun
+//! 0.36. Start reading at [`Heard`], then [`Recorder`].
+
 #![forbid(unsafe_code)]
+#![warn(missing_docs)]
+
 mod arm;
 mod config;
 mod heard;
 mod node;
 mod ports;
-mod tally;
-pub use config::*;
-pub use heard::*;
-pub use node::*;
-pub use tally::*;
 mod session_file;
 mod sinks;
+mod tally;
 mod view;
-pub use view::*;
-pub use session_file::*;
-pub use sinks::*;
+
+pub use config::{BadSettings, Live, RecorderConfig, RecorderSettings, ViewTarget};
+pub use heard::{Entry, Heard, JournalPart, Level, Note, Sample};
+pub use node::{Event, Output, Recorder};
+pub use session_file::{JOURNAL_ENCODING, Provenance, SessionFile, WriteError};
+pub use sinks::{Closed, Drops, Ended, Notice, OpenError, Sinks};
+pub use tally::{Counts, JournalCount, StreamCount};
+pub use view::{Drawing, Moment, View};

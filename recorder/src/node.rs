@@ -46,12 +46,12 @@ pub enum Output {
 /// The recorder.
 ///
 /// ```text
-///              first message                 Stop
-///   Silent ───────────────────▶ Hearing ───────────▶ Closed
-///     │                        │       ▲                ▲
-///     │                        └───────┘                │
-///     │            counts every second while they change│
-///     └─────────────────────── Stop ────────────────────┘
+///            first message                 Stop
+///   Silent ──────────────────▶ Hearing ────────────▶ Closed
+///     ▲ │                         │                    ▲
+///     │ └──────────────────────── │ ────── Stop ───────┘
+///     └─ the counts, a second ────┘
+///        after that message
 /// ```
 #[derive(Clone, Debug)]
 pub struct Recorder {
@@ -151,7 +151,9 @@ impl Recorder {
         let state = &message.body;
         let before = self.robot.replace(state.motion);
         // The robot repeats the arbiter's reason; only a reason of its own is news.
-        let echoed = state.obeys.is_some_and(|obeyed| same_motion(obeyed.setpoint.motion, state.motion));
+        let echoed = state
+            .obeys
+            .is_some_and(|obeyed| same_motion(obeyed.setpoint.motion, state.motion));
         let mut notes = Vec::new();
         if !echoed {
             notes.extend(motion_note(NodeName::RobotSim, before, state.motion));
@@ -325,7 +327,11 @@ fn same_motion(one: Motion, other: Motion) -> bool {
 
 fn forecast_note(forecast: &tandem_wire::Forecast) -> Note {
     let widest = |axis: fn(&tandem_wire::Vec3) -> f64| {
-        forecast.points.iter().map(|point| axis(&point.half_width)).fold(0.0, f64::max)
+        forecast
+            .points
+            .iter()
+            .map(|point| axis(&point.half_width))
+            .fold(0.0, f64::max)
     };
     let millimetres = widest(|w| w.x).max(widest(|w| w.y)).max(widest(|w| w.z)) * 1e3;
     let ratio = forecast.points.iter().map(|point| point.ratio.0).fold(0.0, f64::max);

@@ -1,8 +1,6 @@
 //! The bytes at the recorder's edge: every topic comes in, nothing goes out.
 
-use tandem_wire::{
-    Envelope, Input, JournalBatch, Malformed, Message, NodeName, Ports, Topic, Unreadable, decode,
-};
+use tandem_wire::{Envelope, Input, JournalBatch, Malformed, Message, NodeName, Ports, Topic, Unreadable, decode};
 
 use crate::heard::{JournalPart, Sample};
 use crate::node::{Event, Output, Recorder};
@@ -74,4 +72,7 @@ fn journal_part(node: NodeName, bytes: &[u8]) -> Result<JournalPart, Malformed> 
     })
 }
 
-const _: () = assert!(JournalBatch::MAX_BYTES <= 1 << 22, "the queues are sized for parts of at most 4 MiB");
+const _: () = assert!(
+    JournalBatch::MAX_BYTES <= 1 << 22,
+    "the queues are sized for parts of at most 4 MiB"
+);

@@ -185,6 +185,12 @@ impl<W: Write + Seek> SessionFile<W> {
         Ok((self.messages, self.writer.into_inner()))
     }
 
+    /// How many messages it holds. What was not flushed since may not survive a crash.
+    #[must_use]
+    pub const fn messages(&self) -> u64 {
+        self.messages
+    }
+
     fn write_sample(&mut self, heard: &Heard, sample: &Sample) -> Result<(), WriteError> {
         let header = sample.header();
         let times = self.times(heard, header.sent, header.seq);
@@ -236,7 +242,8 @@ impl<W: Write + Seek> SessionFile<W> {
             channel,
             what: error.to_string(),
         })?;
-        self.writer.write_to_known_channel(&message_header(id, times), &self.buffer)?;
+        self.writer
+            .write_to_known_channel(&message_header(id, times), &self.buffer)?;
         self.messages += 1;
         Ok(())
     }
@@ -245,14 +252,19 @@ impl<W: Write + Seek> SessionFile<W> {
         let id = match self.journals.get(&part.node) {
             Some(id) => *id,
             None => {
-                let schema = self.writer.add_schema("tandem.JournalBatch", "text", JOURNAL_SCHEMA.as_bytes())?;
+                let schema = self
+                    .writer
+                    .add_schema("tandem.JournalBatch", "text", JOURNAL_SCHEMA.as_bytes())?;
                 let topic = Topic::Journal(part.node).key(&self.provenance.robot);
-                let id = self.writer.add_channel(schema, &topic, JOURNAL_ENCODING, &BTreeMap::new())?;
+                let id = self
+                    .writer
+                    .add_channel(schema, &topic, JOURNAL_ENCODING, &BTreeMap::new())?;
                 self.journals.insert(part.node, id);
                 id
             }
         };
-        self.writer.write_to_known_channel(&message_header(id, times), &part.bytes)?;
+        self.writer
+            .write_to_known_channel(&message_header(id, times), &part.bytes)?;
         self.messages += 1;
         Ok(())
     }
@@ -295,7 +307,10 @@ impl<W: Write + Seek> SessionFile<W> {
         let fields = BTreeMap::from([
             ("robot".to_owned(), self.provenance.robot.to_string()),
             ("recorder_build".to_owned(), self.provenance.build.clone()),
-            ("epoch_unix_nanos".to_owned(), self.provenance.epoch_unix_nanos.to_string()),
+            (
+                "epoch_unix_nanos".to_owned(),
+                self.provenance.epoch_unix_nanos.to_string(),
+            ),
             ("layout_version".to_owned(), tandem_wire::codec::VERSION.to_string()),
         ]);
         self.write_metadata("tandem.session".to_owned(), fields)

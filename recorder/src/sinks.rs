@@ -266,7 +266,14 @@ fn open_file(
         bytes: config.file_queue_bytes,
         flush: config.flush,
     };
-    Feed::start("the session file", Some(path.to_owned()), feed::Kind::SessionFile, limits, shared, sink)
+    Feed::start(
+        "the session file",
+        Some(path.to_owned()),
+        feed::Kind::SessionFile,
+        limits,
+        shared,
+        sink,
+    )
 }
 
 fn open_view(
@@ -288,11 +295,11 @@ fn open_view(
             Feed::start("the Rerun recording", Some(path.clone()), kind, limits, shared, sink)
         }
         ViewTarget::Connect(url) => {
-            let sink = viewer::ViewerSink::connect(url.clone(), timing, provenance.clone());
+            let sink = viewer::ViewerSink::connect(url.clone(), timing, provenance.clone(), Arc::clone(shared));
             Feed::start("the live view", None, kind, limits, shared, sink)
         }
         ViewTarget::Spawn => {
-            let sink = viewer::ViewerSink::spawn(timing, provenance.clone());
+            let sink = viewer::ViewerSink::spawn(timing, provenance.clone(), Arc::clone(shared));
             Feed::start("the live view", None, kind, limits, shared, sink)
         }
     }

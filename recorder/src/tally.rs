@@ -18,7 +18,7 @@ const GAPS: usize = 64;
 
 /// How one message stands in its stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub(crate) enum Place {
     /// The next one, or the first of a sender's run.
     Next,
     /// Newer than all before, but this many between were missed.
@@ -186,10 +186,16 @@ impl Stream {
 impl Run {
     fn place(&mut self, seq: u64) -> Place {
         if let Some(ahead) = seq.checked_sub(self.newest).filter(|ahead| *ahead > 0) {
-            let shifted = u32::try_from(ahead).ok().and_then(|ahead| self.heard.checked_shl(ahead));
+            let shifted = u32::try_from(ahead)
+                .ok()
+                .and_then(|ahead| self.heard.checked_shl(ahead));
             self.heard = shifted.unwrap_or(0) | 1;
             self.newest = seq;
-            return if ahead == 1 { Place::Next } else { Place::AfterGap(ahead - 1) };
+            return if ahead == 1 {
+                Place::Next
+            } else {
+                Place::AfterGap(ahead - 1)
+            };
         }
         let behind = self.newest - seq;
         let Some(bit) = u32::try_from(behind).ok().and_then(|behind| 1_u64.checked_shl(behind)) else {

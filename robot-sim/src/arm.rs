@@ -6,17 +6,20 @@
 //! the reference's height, and with it the tool's, stays what it was at the start.
 //!
 //! Limits, from the outside in: the tool's workspace, speed and acceleration bound the reference; a joint near the end
-//! of its range is slowed and the others take over its share; joint speeds and accelerations scale the whole plan,
-//! so that the tool slows down but keeps its direction; and every single tick is clamped once more, so that position,
-//! speed and acceleration hold whatever was planned. Jerk is held except where that last clamp must act.
+//! of its range is slowed and the others take over its share; joint speeds and accelerations scale the whole plan, so
+//! that the tool slows down but keeps its direction; and every single tick is clamped once more, so that position,
+//! speed and acceleration hold whatever was planned. Two things are softer. The tool may overshoot a wall of the
+//! workspace by about a centimetre, in turns so hard that the joints cannot brake as quickly as the reference. And
+//! jerk is exceeded where the last clamp must act: in three ticks of a million when driven at random against the ends
+//! of every range, never on a path that ships.
 
 use nalgebra::Vector3;
 
 use tandem_wire::{Aabb, Vec3};
 
 use crate::kinematics::{
-    Jacobian, JointVector, POINTING_DOWN, Twist, WEAK, forward, joined, preferred_speeds, resolve, rotation_error,
-    tool_jacobian,
+    Frames, Jacobian, JointVector, POINTING_DOWN, Twist, WEAK, forward, joined, preferred_speeds, resolve,
+    rotation_error, tool_jacobian,
 };
 use crate::panda::{
     ACCELERATION_MAX_RAD_S2, JERK_MAX_RAD_S3, JOINTS, POSITION_MAX_RAD, POSITION_MIN_RAD, PerJoint, SPEED_MAX_RAD_S,
@@ -109,7 +112,10 @@ impl Arm {
             accelerations: [0.0; JOINTS],
             planned: [0.0; JOINTS],
             ticks_to_plan: 0,
-            reference: Reference { position: wire(&forward(&angles).tool().origin), velocity: Vec3::ZERO },
+            reference: Reference {
+                position: wire(&forward(&angles).tool().origin),
+                velocity: Vec3::ZERO,
+            },
             weakest: f64::INFINITY,
         }
     }
@@ -173,33 +179,33 @@ impl Arm {
             Drive::Follow(velocity) => velocity.capped(bounds.speed) * self.slow_down(),
             Drive::Stop => Vec3::ZERO,
         };
-        let velocity = self.reference.ramped(wished, bounds);
+        let frames = forward(&self.angles);
+        let tool = wire(&frames.tool().origin);
+        let velocity = self.reference.ramped(wished, tool, bounds);
         if drive == Drive::Stop && velocity == Vec3::ZERO {
-            self.stand();
+            self.stand(tool, &bounds.workspace);
         } else {
-            self.follow(velocity, &bounds.workspace);
+            self.follow(velocity, &frames, &bounds.workspace);
         }
     }
 
-    /// Plans the change to these joint speeds; returns the share of it that the joints can bring about.
-    fn ramp_to(&mut self, speeds: JointVector) -> f64 {
+    /// Plans the change to these joint speeds, or as large a share of it as the joints can bring about.
+    fn ramp_to(&mut self, speeds: JointVector) {
         let change = speeds - JointVector::from(self.speeds);
         let share = (0..JOINTS)
             .map(|joint| PLANNED_SHARE * ACCELERATION_MAX_RAD_S2[joint] * PLAN_S / change[joint].abs())
             .fold(1.0, f64::min);
         self.planned = (change * (share / PLAN_S)).into();
-        share
     }
 
     /// Brings the joints to rest where they are.
-    fn stand(&mut self) {
+    fn stand(&mut self, tool: Vec3, workspace: &Aabb) {
         self.reference.velocity = Vec3::ZERO;
         if self.nearly_stands() && !self.is_at_rest() {
             self.speeds = [0.0; JOINTS];
             self.accelerations = [0.0; JOINTS];
-            let tool = wire(&forward(&self.angles).tool().origin);
             if (self.reference.position - tool).norm() > LAG_KEPT_M {
-                self.reference.position = tool;
+                self.reference.position = between(tool, workspace.min, workspace.max);
             }
         }
         self.ramp_to(JointVector::zeros());
@@ -213,23 +219,21 @@ impl Arm {
         })
     }
 
-    /// Plans for a tool velocity at the end of this plan, and moves the reference on. What the joints cannot give, the
-    /// reference does not ask for: otherwise it would brake before a wall from a speed that the tool no longer has.
-    fn follow(&mut self, velocity: Vec3, workspace: &Aabb) {
-        let frames = forward(&self.angles);
+    /// Plans for a tool velocity at the end of this plan, and moves the reference on. Where the joints cannot speed up or
+    /// brake as quickly as the reference, the tool falls behind it or ahead of it, and the lag brings it back.
+    fn follow(&mut self, velocity: Vec3, frames: &Frames, workspace: &Aabb) {
         let tool = frames.tool();
         let lag = self.reference.position - wire(&tool.origin);
         let linear = velocity + lag * POSITION_GAIN_PER_S;
         let angular = rotation_error(&tool.rotation, &POINTING_DOWN) * ORIENTATION_GAIN_PER_S;
         let twist = joined(&Vector3::new(linear.x, linear.y, linear.z), &angular);
         let preferred = preferred_speeds(&self.angles) * (velocity.norm() / POSTURE_FROM_M_S).min(1.0);
-        let speeds = self.within_range(tool_jacobian(&frames), twist, preferred);
+        let speeds = self.within_range(tool_jacobian(frames), twist, preferred);
         let slower = (0..JOINTS)
             .map(|joint| PLANNED_SHARE * SPEED_MAX_RAD_S[joint] / speeds[joint].abs())
             .fold(1.0, f64::min);
-        let share = self.ramp_to(speeds * slower);
-        let before = self.reference.velocity;
-        self.reference.advance(before + (velocity * slower - before) * share, lag, workspace);
+        self.ramp_to(speeds * slower);
+        self.reference.advance(velocity * slower, lag, workspace);
     }
 
     /// Solves for joint speeds that stop short of every joint's range. A joint that cannot give what the solution asks
@@ -274,7 +278,9 @@ impl Arm {
         let before = self.accelerations[joint];
         let wished = self.planned[joint].clamp(before - jerk, before + jerk);
         let (low, high) = hard_speed_range(joint, angle);
-        let wished = wished.clamp((low - speed) / TICK_S, (high - speed) / TICK_S).clamp(-limit, limit);
+        let wished = wished
+            .clamp((low - speed) / TICK_S, (high - speed) / TICK_S)
+            .clamp(-limit, limit);
         self.accelerations[joint] = wished;
         self.speeds[joint] = speed + wished * TICK_S;
         self.angles[joint] = angle + self.speeds[joint] * TICK_S;
@@ -282,14 +288,16 @@ impl Arm {
 }
 
 impl Reference {
-    /// The velocity one plan from now on the way to `wished`: within the tool's acceleration, and slow enough to stop
-    /// before the wall.
-    fn ramped(&self, wished: Vec3, bounds: &ToolBounds) -> Vec3 {
+    /// The velocity one plan from now on the way to `wished`: within the tool's acceleration, and slow enough for
+    /// reference and tool to stop before the wall, whichever is nearer to it.
+    fn ramped(&self, wished: Vec3, tool: Vec3, bounds: &ToolBounds) -> Vec3 {
         let braking = WALL_SHARE * bounds.acceleration;
-        let (low, high) = (self.position - bounds.workspace.min, bounds.workspace.max - self.position);
+        let (low, high) = (bounds.workspace.min, bounds.workspace.max);
+        let to_low = smaller(self.position - low, tool - low);
+        let to_high = smaller(high - self.position, high - tool);
         let stop = |distance: f64| brake(distance, braking, 2.0 * PLAN_S);
         let each = |distance: Vec3| Vec3::new(stop(distance.x), stop(distance.y), stop(distance.z));
-        let inside = |velocity: Vec3| between(velocity, -each(low), each(high));
+        let inside = |velocity: Vec3| between(velocity, -each(to_low), each(to_high));
         let change = inside(wished) - self.velocity;
         inside(self.velocity + change.capped(RAMP_SHARE * bounds.acceleration * PLAN_S))
     }
@@ -302,18 +310,24 @@ impl Reference {
         let next = (lag + moved).norm();
         if next <= LAG_MAX_M || next < lag.norm() {
             let (back, forth) = (workspace.min - self.position, workspace.max - self.position);
-            self.position = self.position + between(moved, capped_at_zero(back), -capped_at_zero(-forth));
+            self.position = self.position + between(moved, smaller(back, Vec3::ZERO), -smaller(-forth, Vec3::ZERO));
         }
     }
 }
 
 /// Each component of `vector`, kept between those of `low` and `high`.
 fn between(vector: Vec3, low: Vec3, high: Vec3) -> Vec3 {
-    Vec3::new(vector.x.clamp(low.x, high.x), vector.y.clamp(low.y, high.y), vector.z.clamp(low.z, high.z))
+    Vec3::new(
+        vector.x.clamp(low.x, high.x),
+        vector.y.clamp(low.y, high.y),
+        vector.z.clamp(low.z, high.z),
+    )
 }
 
-fn capped_at_zero(vector: Vec3) -> Vec3 {
-    Vec3::new(vector.x.min(0.0), vector.y.min(0.0), vector.z.min(0.0))
+/// The smaller of each pair of components.
+fn smaller(a: Vec3, b: Vec3) -> Vec3 {
+    let of = |a: f64, b: f64| if a < b { a } else { b };
+    Vec3::new(of(a.x, b.x), of(a.y, b.y), of(a.z, b.z))
 }
 
 /// The highest speed from which `deceleration` still stops within `distance`, `reaction` seconds from now.
@@ -327,16 +341,26 @@ fn brake(distance: f64, deceleration: f64, reaction: f64) -> f64 {
 
 fn soft_speed_range(joint: usize, angle: f64) -> (f64, f64) {
     let allowed = |distance: f64| {
-        brake(distance - SOFT_MARGIN_RAD, SOFT_BRAKE_SHARE * ACCELERATION_MAX_RAD_S2[joint], 2.0 * PLAN_S)
+        brake(
+            distance - SOFT_MARGIN_RAD,
+            SOFT_BRAKE_SHARE * ACCELERATION_MAX_RAD_S2[joint],
+            2.0 * PLAN_S,
+        )
     };
-    (-allowed(angle - POSITION_MIN_RAD[joint]), allowed(POSITION_MAX_RAD[joint] - angle))
+    (
+        -allowed(angle - POSITION_MIN_RAD[joint]),
+        allowed(POSITION_MAX_RAD[joint] - angle),
+    )
 }
 
 fn hard_speed_range(joint: usize, angle: f64) -> (f64, f64) {
     let allowed = |distance: f64| {
         brake(distance, HARD_BRAKE_SHARE * ACCELERATION_MAX_RAD_S2[joint], TICK_S).min(SPEED_MAX_RAD_S[joint])
     };
-    (-allowed(angle - POSITION_MIN_RAD[joint]), allowed(POSITION_MAX_RAD[joint] - angle))
+    (
+        -allowed(angle - POSITION_MIN_RAD[joint]),
+        allowed(POSITION_MAX_RAD[joint] - angle),
+    )
 }
 
 fn wire(vector: &Vector3<f64>) -> Vec3 {

@@ -18,8 +18,8 @@ settings! {
         /// The fastest the tool moves, in metres per second, whatever is asked.
         pub tool_speed_m_s: f64 = 0.5, in 0.01..=1.7;
         /// How quickly the tool's velocity changes at most, in metres per second squared; also how hard it stops. Above
-        /// about 6 the joints' own limits decide.
-        pub tool_acceleration_m_s2: f64 = 6.0, in 0.1..=13.0;
+        /// about 4 the joints' own limits begin to decide, and a workspace's wall is overshot by more than a centimetre.
+        pub tool_acceleration_m_s2: f64 = 4.0, in 0.1..=13.0;
         /// The corner of the workspace with the smallest coordinates, in metres.
         pub workspace_min_m: [f64; 3] = [0.2, -0.5, 0.02], in -2.0..=2.0;
         /// The corner with the largest.
@@ -103,9 +103,16 @@ impl RobotSimSettings {
             workspace,
             period: timing.period,
         };
-        let bounds =
-            ToolBounds { workspace, speed: self.tool_speed_m_s, acceleration: self.tool_acceleration_m_s2 };
-        Ok(Surroundings { bounds, start, scene: Arc::new(scene) })
+        let bounds = ToolBounds {
+            workspace,
+            speed: self.tool_speed_m_s,
+            acceleration: self.tool_acceleration_m_s2,
+        };
+        Ok(Surroundings {
+            bounds,
+            start,
+            scene: Arc::new(scene),
+        })
     }
 
     fn workspace(&self) -> Result<Aabb, UnusableScene> {
@@ -119,7 +126,10 @@ impl RobotSimSettings {
                 return Err(UnusableScene::StartOutside { axis, start, min, max });
             }
         }
-        Ok(Aabb { min: Vec3::from(self.workspace_min_m), max: Vec3::from(self.workspace_max_m) })
+        Ok(Aabb {
+            min: Vec3::from(self.workspace_min_m),
+            max: Vec3::from(self.workspace_max_m),
+        })
     }
 
     fn obstacle(&self, [x, y]: [f64; 2]) -> Cylinder {
@@ -167,19 +177,31 @@ mod tests {
     fn settings_that_do_not_fit_together_are_refused_by_name() {
         let usual = RobotSimSettings::default;
         assert_eq!(
-            refusal(&RobotSimSettings { workspace_min_m: [0.2, 0.6, 0.02], ..usual() }),
+            refusal(&RobotSimSettings {
+                workspace_min_m: [0.2, 0.6, 0.02],
+                ..usual()
+            }),
             "robot-sim.workspace_min_m[1] = 0.6 must be less than robot-sim.workspace_max_m[1] = 0.5"
         );
         assert_eq!(
-            refusal(&RobotSimSettings { start_m: [0.1, 0.0, 0.15], ..usual() }),
+            refusal(&RobotSimSettings {
+                start_m: [0.1, 0.0, 0.15],
+                ..usual()
+            }),
             "robot-sim.start_m[0] = 0.1 lies outside of the workspace, 0.2 to 0.8"
         );
         assert_eq!(
-            refusal(&RobotSimSettings { start_m: [0.8, 0.5, 0.8], ..usual() }),
+            refusal(&RobotSimSettings {
+                start_m: [0.8, 0.5, 0.8],
+                ..usual()
+            }),
             "robot-sim.start_m cannot be reached with the tool pointing down"
         );
         assert_eq!(
-            refusal(&RobotSimSettings { obstacles_m: vec![[0.5, 0.0]; 17], ..usual() }),
+            refusal(&RobotSimSettings {
+                obstacles_m: vec![[0.5, 0.0]; 17],
+                ..usual()
+            }),
             "robot-sim.obstacles_m names 17 obstacles; at most 16 are allowed"
         );
     }

@@ -5,7 +5,7 @@
 //! is then for [`Permission`] to say.
 
 use tandem_wire::{
-    Deadman, Echoes, Envelope, Guard, MessageId, Motion, Nanos, Reason, Rearm, Refusal, Refusals, Seq, Setpoint, Stamp,
+    Deadman, Echoes, Envelope, Guard, MessageId, Motion, Nanos, Rearm, Reason, Refusal, Refusals, Seq, Setpoint, Stamp,
     Timing,
 };
 
@@ -89,7 +89,11 @@ impl Hearing {
         self.alive = false;
         self.permission.forget();
         let silent = self.setpoints.silent(now).unwrap_or_default();
-        Some(if self.too_old { Reason::LoopTooOld } else { Reason::SetpointLost { silent } })
+        Some(if self.too_old {
+            Reason::LoopTooOld
+        } else {
+            Reason::SetpointLost { silent }
+        })
     }
 
     /// The robot stopped by itself: the press that permitted motion is spent.

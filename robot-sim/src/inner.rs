@@ -30,12 +30,21 @@ impl Inner {
     pub(crate) fn standing(angles: PerJoint, obstacles: &[Cylinder]) -> Self {
         let arm = Arm::standing(angles);
         let closest = closer_than(None, &forward(arm.angles()), obstacles);
-        Self { arm, ticks: 0, waiting: None, obeyed: None, closest }
+        Self {
+            arm,
+            ticks: 0,
+            waiting: None,
+            obeyed: None,
+            closest,
+        }
     }
 
     /// Puts the arm elsewhere, at rest, and forgets what it was told.
     pub(crate) fn jump_to(&mut self, angles: PerJoint, obstacles: &[Cylinder]) {
-        *self = Self { ticks: self.ticks, ..Self::standing(angles, obstacles) };
+        *self = Self {
+            ticks: self.ticks,
+            ..Self::standing(angles, obstacles)
+        };
     }
 
     pub(crate) fn arm(&self) -> &Arm {
@@ -89,7 +98,12 @@ impl Inner {
     fn take_up(&mut self) {
         if let Some(Waiting { setpoint, arrived }) = self.waiting.take() {
             let moved = self.time().max(arrived);
-            self.obeyed = Some(Obeyed { id: setpoint.header.id(), arrived, moved, setpoint: setpoint.body });
+            self.obeyed = Some(Obeyed {
+                id: setpoint.header.id(),
+                arrived,
+                moved,
+                setpoint: setpoint.body,
+            });
         }
     }
 

@@ -6,8 +6,9 @@
 //! Sines come from `libm`; everything else is basic operations and `sqrt` in a written order, so every machine
 //! gets the same bits. Nothing here allocates.
 
-use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 
+use crate::cholesky::Cholesky;
 use crate::panda::{
     CHAIN, FLANGE, FLANGE_OFFSET_M, FRAMES, JOINTS, POSITION_MAX_RAD, POSITION_MIN_RAD, POSTURE_RAD, PerJoint,
     TOOL_LENGTH_M,
@@ -44,7 +45,10 @@ impl Frame {
     }
 
     fn shifted_along_z(&self, by: f64) -> Self {
-        Self { rotation: self.rotation, origin: self.origin + self.rotation.column(2) * by }
+        Self {
+            rotation: self.rotation,
+            origin: self.origin + self.rotation.column(2) * by,
+        }
     }
 }
 
@@ -78,7 +82,10 @@ impl Frames {
 /// cosines and about 200 products.
 #[must_use]
 pub fn forward(q: &PerJoint) -> Frames {
-    let base = Frame { rotation: Matrix3::identity(), origin: Vector3::zeros() };
+    let base = Frame {
+        rotation: Matrix3::identity(),
+        origin: Vector3::zeros(),
+    };
     let mut frames = [base; FRAMES];
     for joint in 0..JOINTS {
         let (before, step) = (frames[joint], &CHAIN[joint]);
@@ -163,7 +170,10 @@ pub fn resolve(jacobian: &Jacobian, twist: &Twist, preferred: &JointVector) -> R
         factor
     };
     let missing = twist - jacobian * preferred;
-    Resolution { speeds: preferred + jacobian.transpose() * factor.solve(&missing), weakest }
+    Resolution {
+        speeds: preferred + jacobian.transpose() * factor.solve(&missing),
+        weakest,
+    }
 }
 
 /// Within this distance of a limit a joint prefers to move away from it.
@@ -210,7 +220,11 @@ pub fn joints_for(position: &Vector3<f64>) -> Result<PerJoint, Unreachable> {
     let mut q = POSTURE_RAD;
     for step in 0..STEPS {
         let frames = forward(&q);
-        let preferred = if step + POLISH < STEPS { preferred_speeds(&q) * 0.1 } else { JointVector::zeros() };
+        let preferred = if step + POLISH < STEPS {
+            preferred_speeds(&q) * 0.1
+        } else {
+            JointVector::zeros()
+        };
         let wanted = joined(
             &((position - frames.tool().origin) * 0.5),
             &(rotation_error(&frames.tool().rotation, &POINTING_DOWN) * 0.5),
@@ -228,7 +242,10 @@ pub fn joints_for(position: &Vector3<f64>) -> Result<PerJoint, Unreachable> {
     if missed_by_m <= TOLERANCE && turned_off_rad <= TOLERANCE {
         Ok(q)
     } else {
-        Err(Unreachable { missed_by_m, turned_off_rad })
+        Err(Unreachable {
+            missed_by_m,
+            turned_off_rad,
+        })
     }
 }
 
@@ -236,84 +253,6 @@ pub fn joints_for(position: &Vector3<f64>) -> Result<PerJoint, Unreachable> {
 #[must_use]
 pub fn joined(linear: &Vector3<f64>, angular: &Vector3<f64>) -> Twist {
     Twist::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
-}
-
-/// `M + λ² I = L Lᵀ` for a symmetric 6×6 matrix. Written out because it must never fail: a pivot that rounding
-/// made too small is replaced, where a library would return nothing. Keeps the reciprocal of the diagonal.
-struct Cholesky {
-    lower: [[f64; 6]; 6],
-    inverse_diagonal: [f64; 6],
-    shift: f64,
-}
-
-impl Cholesky {
-    fn of(matrix: &Matrix6<f64>, shift: f64) -> Self {
-        let mut lower = [[0.0; 6]; 6];
-        let mut inverse_diagonal = [0.0; 6];
-        for row in 0..6 {
-            for column in 0..=row {
-                let mut sum = matrix[(row, column)];
-                for k in 0..column {
-                    sum -= lower[row][k] * lower[column][k];
-                }
-                if row == column {
-                    let pivot = (sum + shift).max(0.5 * DAMPING_FLOOR_SQUARED).sqrt();
-                    lower[row][row] = pivot;
-                    inverse_diagonal[row] = 1.0 / pivot;
-                } else {
-                    lower[row][column] = sum * inverse_diagonal[column];
-                }
-            }
-        }
-        Self { lower, inverse_diagonal, shift }
-    }
-
-    /// `Lᵀ x = b`.
-    fn solve_upper(&self, b: &Vector6<f64>) -> Vector6<f64> {
-        let mut x = *b;
-        for row in (0..6).rev() {
-            for k in row + 1..6 {
-                x[row] -= self.lower[k][row] * x[k];
-            }
-            x[row] *= self.inverse_diagonal[row];
-        }
-        x
-    }
-
-    fn solve(&self, b: &Vector6<f64>) -> Vector6<f64> {
-        let mut x = *b;
-        for row in 0..6 {
-            for k in 0..row {
-                x[row] -= self.lower[row][k] * x[k];
-            }
-            x[row] *= self.inverse_diagonal[row];
-        }
-        self.solve_upper(&x)
-    }
-
-    /// σ of the weakest direction of `J`, where `M = J Jᵀ`, by inverse iteration.
-    ///
-    /// Starts from the direction that the smallest pivot points at, which is close already. Six rounds approach σ
-    /// from above: within two percent near a singularity, where it counts, and within a quarter where two singular
-    /// values nearly coincide.
-    fn smallest_singular_value(&self) -> f64 {
-        let mut weakest_pivot = 0;
-        for row in 1..6 {
-            if self.lower[row][row] < self.lower[weakest_pivot][weakest_pivot] {
-                weakest_pivot = row;
-            }
-        }
-        let mut unit = Vector6::zeros();
-        unit[weakest_pivot] = 1.0;
-        let mut direction = self.solve_upper(&unit);
-        let mut growth = 1.0;
-        for _ in 0..6 {
-            let grown = self.solve(&(direction / direction.norm()));
-            growth = grown.norm();
-            direction = grown;
-        }
-        (1.0 / growth - self.shift).max(0.0).sqrt()
-    }
 }
 
 #[cfg(test)]
@@ -359,7 +298,10 @@ mod tests {
             let found = resolve(&jacobian, &Twist::zeros(), &JointVector::zeros()).weakest;
             let exact = jacobian.singular_values()[5];
             let slack = if exact < 0.5 * WEAK { 1.02 } else { 1.25 };
-            assert!(found >= exact - 1e-6 && found <= slack * exact + 1e-4, "found {found}, exact {exact}");
+            assert!(
+                found >= exact - 1e-6 && found <= slack * exact + 1e-4,
+                "found {found}, exact {exact}"
+            );
             near += usize::from(exact < WEAK);
         }
         assert!(near > 10, "the postures must reach singularities too");
@@ -387,7 +329,11 @@ mod tests {
         let twist = Twist::new(0.0, 0.0, 0.5, 0.0, 0.0, 0.0);
         let resolution = resolve(&jacobian, &twist, &JointVector::zeros());
         assert!(resolution.weakest < WEAK);
-        assert!(resolution.speeds.norm() <= 0.5 / (2.0 * DAMPING_MAX) * 3.0, "{}", resolution.speeds);
+        assert!(
+            resolution.speeds.norm() <= 0.5 / (2.0 * DAMPING_MAX) * 3.0,
+            "{}",
+            resolution.speeds
+        );
     }
 
     #[test]

@@ -36,6 +36,7 @@
 #![warn(missing_docs)]
 
 pub mod arm;
+mod cholesky;
 mod config;
 mod hearing;
 mod inner;

@@ -14,7 +14,10 @@ use crate::report::{Situation, report};
 
 /// Everything that can happen to the robot.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "a setpoint is half a kilobyte; a box would allocate for every one")]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a setpoint is half a kilobyte; a box would allocate for every one"
+)]
 pub enum Event {
     /// What shall be done.
     Setpoint(Envelope<Setpoint>),
@@ -32,7 +35,10 @@ pub enum Event {
 
 /// Everything that the robot can cause.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "nearly every output is a state; a box would allocate for every one")]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "nearly every output is a state; a box would allocate for every one"
+)]
 pub enum Output {
     /// What the arm does.
     State(Envelope<State>),
@@ -153,7 +159,9 @@ impl RobotSim {
     }
 
     fn is_new(&self, session: Session, number: u32) -> bool {
-        self.trial.latest.is_none_or(|(last_session, last)| session != last_session || number > last)
+        self.trial
+            .latest
+            .is_none_or(|(last_session, last)| session != last_session || number > last)
     }
 
     fn on_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
@@ -183,7 +191,8 @@ impl RobotSim {
             if self.inner.ticks() >= target || (!permitted && self.inner.is_idle()) {
                 break;
             }
-            self.inner.tick(permitted, &self.surroundings.bounds, &self.surroundings.scene.obstacles);
+            self.inner
+                .tick(permitted, &self.surroundings.bounds, &self.surroundings.scene.obstacles);
         }
         if self.inner.ticks() < target {
             self.inner.skip_to(target);
@@ -212,7 +221,8 @@ impl RobotSim {
     /// not be waited for.
     fn begin_pending_trial(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         let lockstep = self.timing.pace == Pace::Lockstep;
-        if !lockstep && !(self.inner.is_idle() && !self.motion.is_permitted()) {
+        let stands = self.inner.is_idle() && !self.motion.is_permitted();
+        if !(lockstep || stands) {
             return;
         }
         let Some(number) = self.trial.pending.take() else {
@@ -220,13 +230,19 @@ impl RobotSim {
         };
         self.hearing.spend_press();
         self.hearing.outdate_states();
-        self.inner.jump_to(self.surroundings.start, &self.surroundings.scene.obstacles);
+        self.inner
+            .jump_to(self.surroundings.start, &self.surroundings.scene.obstacles);
         if lockstep && self.in_step {
             // The state of this tick is out and speaks of the old place; the trial starts with the next one.
             self.tick = self.tick.saturating_add(1);
-            self.inner.skip_to(Stamp::of_tick(self.tick, self.timing.period).0 / MILLISECOND);
+            self.inner
+                .skip_to(Stamp::of_tick(self.tick, self.timing.period).0 / MILLISECOND);
         }
-        let now = if lockstep { Stamp::of_tick(self.tick, self.timing.period) } else { now };
+        let now = if lockstep {
+            Stamp::of_tick(self.tick, self.timing.period)
+        } else {
+            now
+        };
         self.in_step = lockstep;
         self.trial.number = number;
         self.trial.start = self.tick;

@@ -37,7 +37,12 @@ pub struct Step {
 }
 
 const fn step(a: f64, d: f64, sin_alpha: f64, cos_alpha: f64) -> Step {
-    Step { a, d, sin_alpha, cos_alpha }
+    Step {
+        a,
+        d,
+        sin_alpha,
+        cos_alpha,
+    }
 }
 
 /// The seven moving steps, base first.
@@ -115,7 +120,13 @@ pub struct Capsule {
 const MARGIN_M: f64 = 0.010;
 
 const fn link(number: u8, start: [f64; 3], end: [f64; 3], radius: f64) -> Capsule {
-    Capsule { part: Part::Link(number), frame: number as usize, start, end, radius: radius + MARGIN_M }
+    Capsule {
+        part: Part::Link(number),
+        frame: number as usize,
+        start,
+        end,
+        radius: radius + MARGIN_M,
+    }
 }
 
 /// 0.055 m and 0.065 m along the direction in which the last link's side bulge points, 45° from its x axis.
@@ -138,9 +149,20 @@ pub const ARM_CAPSULES: [Capsule; CAPSULES] = [
         end: [0.0, 0.0, TOOL_LENGTH_M - TOOL_RADIUS_M],
         radius: TOOL_RADIUS_M,
     },
-    Capsule { part: Part::Hand, frame: FLANGE, start: [0.0; 3], end: [0.0, 0.0, 0.020], radius: 0.035 },
+    Capsule {
+        part: Part::Hand,
+        frame: FLANGE,
+        start: [0.0; 3],
+        end: [0.0, 0.0, 0.020],
+        radius: 0.035,
+    },
     link(7, [0.0, 0.0, -0.060], [0.0, 0.0, 0.080], 0.040),
-    link(7, [BULGE_NEAR_M, BULGE_NEAR_M, 0.082], [BULGE_FAR_M, BULGE_FAR_M, 0.082], 0.030),
+    link(
+        7,
+        [BULGE_NEAR_M, BULGE_NEAR_M, 0.082],
+        [BULGE_FAR_M, BULGE_FAR_M, 0.082],
+        0.030,
+    ),
     link(6, [0.0, 0.0, -0.070], [0.0, 0.0, 0.010], 0.050),
     link(5, [0.0, 0.080, -0.200], [0.0, 0.080, -0.060], 0.025),
     link(5, [0.0, 0.0, -0.310], [0.0, 0.0, -0.210], 0.060),
@@ -166,9 +188,16 @@ mod tests {
     #[test]
     fn every_part_has_a_capsule_on_a_frame_that_exists() {
         for number in 0..8 {
-            assert!(ARM_CAPSULES.iter().any(|capsule| capsule.part == Part::Link(number)), "link {number}");
+            assert!(
+                ARM_CAPSULES.iter().any(|capsule| capsule.part == Part::Link(number)),
+                "link {number}"
+            );
         }
         assert!(ARM_CAPSULES.iter().any(|capsule| capsule.part == Part::Hand));
-        assert!(ARM_CAPSULES.iter().all(|capsule| capsule.frame < FRAMES && capsule.radius > 0.0));
+        assert!(
+            ARM_CAPSULES
+                .iter()
+                .all(|capsule| capsule.frame < FRAMES && capsule.radius > 0.0)
+        );
     }
 }

@@ -26,7 +26,13 @@ impl Ports for RobotSim {
             }
             Output::Scene(scene) => {
                 let body = Scene::clone(&scene.body);
-                encode(&Envelope { header: scene.header, body }, bytes);
+                encode(
+                    &Envelope {
+                        header: scene.header,
+                        body,
+                    },
+                    bytes,
+                );
                 Some(Topic::Scene)
             }
         }

@@ -38,7 +38,11 @@ pub fn closer_than(so_far: Option<Clearance>, frames: &Frames, obstacles: &[Cyli
             }
             let distance = Finite(distance_to_segment(cylinder, &segment) - capsule.radius);
             if nearest.is_none_or(|nearest| distance < nearest.distance) {
-                nearest = Some(Clearance { distance, body, obstacle });
+                nearest = Some(Clearance {
+                    distance,
+                    body,
+                    obstacle,
+                });
             }
         }
     }
@@ -60,7 +64,11 @@ struct Segment {
 impl Segment {
     fn between(start: Vector3<f64>, end: Vector3<f64>) -> Self {
         let along = end - start;
-        Self { start, along, length: along.norm() }
+        Self {
+            start,
+            along,
+            length: along.norm(),
+        }
     }
 
     fn at(&self, part: f64) -> Vector3<f64> {
@@ -77,7 +85,11 @@ fn distance_to(cylinder: &Cylinder, point: &Vector3<f64>) -> f64 {
     let radial = (dx * dx + dy * dy).sqrt() - cylinder.radius.0;
     let above_foot = point.z - cylinder.foot.z;
     let axial = larger(above_foot - cylinder.height.0, -above_foot);
-    if radial > 0.0 && axial > 0.0 { (radial * radial + axial * axial).sqrt() } else { larger(radial, axial) }
+    if radial > 0.0 && axial > 0.0 {
+        (radial * radial + axial * axial).sqrt()
+    } else {
+        larger(radial, axial)
+    }
 }
 
 /// Spelled out, because `f64::max` leaves the sign of a zero to the processor, and states repeat to the bit.
@@ -95,7 +107,11 @@ fn distance_to_segment(cylinder: &Cylinder, segment: &Segment) -> f64 {
     let (mut falling, mut rising) = (0.0, 1.0);
     for _ in 0..HALVINGS {
         let middle = 0.5 * (falling + rising);
-        if slope_at(cylinder, segment, middle) < 0.0 { falling = middle } else { rising = middle }
+        if slope_at(cylinder, segment, middle) < 0.0 {
+            falling = middle
+        } else {
+            rising = middle
+        }
     }
     distance_to(cylinder, &segment.at(0.5 * (falling + rising)))
 }
@@ -110,7 +126,11 @@ fn slope_at(cylinder: &Cylinder, segment: &Segment, part: f64) -> f64 {
     let outward = dx * along.x + dy * along.y;
     let above_foot = point.z - cylinder.foot.z;
     let above_top = above_foot - cylinder.height.0;
-    let (axial, upward) = if above_top > -above_foot { (above_top, along.z) } else { (-above_foot, -along.z) };
+    let (axial, upward) = if above_top > -above_foot {
+        (above_top, along.z)
+    } else {
+        (-above_foot, -along.z)
+    };
     if radial > 0.0 && axial > 0.0 {
         radial * outward / from_axis + axial * upward
     } else if radial >= axial {
@@ -131,7 +151,11 @@ mod tests {
     const POST: Cylinder = post_at(0.5, 0.0);
 
     const fn post_at(x: f64, y: f64) -> Cylinder {
-        Cylinder { foot: Vec3::new(x, y, 0.0), radius: Finite(0.02), height: Finite(0.20) }
+        Cylinder {
+            foot: Vec3::new(x, y, 0.0),
+            radius: Finite(0.02),
+            height: Finite(0.20),
+        }
     }
 
     fn part(clearance: &Clearance) -> Part {
@@ -161,7 +185,10 @@ mod tests {
                 .map(|step| distance_to(&POST, &segment.at(f64::from(step) / 20_000.0)))
                 .fold(f64::INFINITY, f64::min);
             let found = distance_to_segment(&POST, &segment);
-            assert!(found <= scanned + 1e-7 && found >= scanned - 0.5 * segment.length / 20_000.0, "{found} {scanned}");
+            assert!(
+                found <= scanned + 1e-7 && found >= scanned - 0.5 * segment.length / 20_000.0,
+                "{found} {scanned}"
+            );
         }
     }
 

@@ -10,10 +10,15 @@ use tandem_robot_sim::panda::{
     ACCELERATION_MAX_RAD_S2, JERK_MAX_RAD_S3, JOINTS, POSITION_MAX_RAD, POSITION_MIN_RAD, SPEED_MAX_RAD_S,
 };
 use tandem_robot_sim::{Event, RobotSim};
-use tandem_wire::{Aabb, Input, MILLISECOND, Motion, Node, Outbox, Pace, Ports, Reason, Session, Stamp, Timing, Topic, Vec3};
+use tandem_wire::{
+    Aabb, Input, MILLISECOND, Motion, Node, Outbox, Pace, Ports, Reason, Session, Stamp, Timing, Topic, Vec3,
+};
 
 /// Far larger than the arm reaches, so that joints come to the ends of their ranges and the arm to its singularities.
-const NO_WALLS: Aabb = Aabb { min: Vec3::new(-2.0, -2.0, -2.0), max: Vec3::new(2.0, 2.0, 2.0) };
+const NO_WALLS: Aabb = Aabb {
+    min: Vec3::new(-2.0, -2.0, -2.0),
+    max: Vec3::new(2.0, 2.0, 2.0),
+};
 const ROUNDING: f64 = 1e-9;
 
 fn velocity() -> impl Strategy<Value = Vec3> {
@@ -31,7 +36,7 @@ fn drives() -> impl Strategy<Value = Vec<(Drive, u32)>> {
 }
 
 fn start() -> Arm {
-    Arm::standing(joints_for(&nalgebra::Vector3::new(0.5, -0.3, 0.15)).unwrap())
+    Arm::standing(joints_for(&nalgebra::Vector3::new(0.5, -0.3, 0.15)).expect("the start can be reached"))
 }
 
 /// Checks position, speed and acceleration; returns the largest jerk as a share of its limit.
@@ -39,12 +44,21 @@ fn assert_limits(arm: &Arm, before: &Arm) -> Result<f64, TestCaseError> {
     let mut jerk_share: f64 = 0.0;
     for joint in 0..JOINTS {
         let angle = arm.angles()[joint];
-        prop_assert!(angle >= POSITION_MIN_RAD[joint] && angle <= POSITION_MAX_RAD[joint], "joint {joint} at {angle}");
+        prop_assert!(
+            angle >= POSITION_MIN_RAD[joint] && angle <= POSITION_MAX_RAD[joint],
+            "joint {joint} at {angle}"
+        );
         let speed = (angle - before.angles()[joint]) / TICK_S;
-        prop_assert!(speed.abs() <= SPEED_MAX_RAD_S[joint] + ROUNDING, "joint {joint}: {speed} rad/s");
+        prop_assert!(
+            speed.abs() <= SPEED_MAX_RAD_S[joint] + ROUNDING,
+            "joint {joint}: {speed} rad/s"
+        );
         let acceleration = (arm.speeds()[joint] - before.speeds()[joint]) / TICK_S;
         let limit = ACCELERATION_MAX_RAD_S2[joint];
-        prop_assert!(acceleration.abs() <= limit + ROUNDING, "joint {joint}: {acceleration} rad/s²");
+        prop_assert!(
+            acceleration.abs() <= limit + ROUNDING,
+            "joint {joint}: {acceleration} rad/s²"
+        );
         let jerk = (arm.accelerations()[joint] - before.accelerations()[joint]) / TICK_S;
         jerk_share = jerk_share.max(jerk.abs() / JERK_MAX_RAD_S3[joint]);
     }
@@ -52,7 +66,7 @@ fn assert_limits(arm: &Arm, before: &Arm) -> Result<f64, TestCaseError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 100, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn every_limit_holds_at_every_tick_wherever_the_arm_is_driven(
@@ -65,14 +79,15 @@ proptest! {
                 let before = arm.clone();
                 arm.tick(drive, &bounds);
                 let jerk = assert_limits(&arm, &before)?;
-                if jerk > 1.0 + 1e-6 { println!("JERK {jerk}"); }
+                // Above its limit only where a joint must not run into the end of its range: see `arm.rs`.
+                prop_assert!(jerk <= 2.0, "jerk {jerk}");
             }
         }
     }
 
     #[test]
     fn a_stop_brings_every_joint_to_rest_within_a_second(drives in drives()) {
-        let bounds = ToolBounds { workspace: NO_WALLS, speed: 0.5, acceleration: 6.0 };
+        let bounds = ToolBounds { workspace: NO_WALLS, speed: 0.5, acceleration: 4.0 };
         let mut arm = start();
         for (drive, ticks) in drives {
             (0..ticks).for_each(|_| arm.tick(drive, &bounds));
@@ -87,13 +102,13 @@ proptest! {
     #[test]
     fn the_tool_stays_in_its_workspace(drives in drives()) {
         let workspace = Aabb { min: Vec3::new(0.35, -0.35, 0.1), max: Vec3::new(0.6, 0.1, 0.4) };
-        let bounds = ToolBounds { workspace, speed: 0.5, acceleration: 6.0 };
+        let bounds = ToolBounds { workspace, speed: 0.5, acceleration: 4.0 };
         let mut arm = start();
         for (drive, ticks) in drives {
             for _ in 0..ticks {
                 arm.tick(drive, &bounds);
                 let tool = forward(arm.angles()).tool().origin;
-                let lag = 0.006;
+                let lag = 0.015;
                 let inside = |axis: usize, low: f64, high: f64| tool[axis] > low - lag && tool[axis] < high + lag;
                 prop_assert!(inside(0, 0.35, 0.6) && inside(1, -0.35, 0.1) && inside(2, 0.1, 0.4), "{}", tool);
                 let nearly = Vec3::new(1e-12, 1e-12, 1e-12);
@@ -107,7 +122,14 @@ proptest! {
 /// One thing that happens to the node, before the stage makes an event of it.
 #[derive(Clone, Debug)]
 enum Happening {
-    Setpoint { skip: u64, motion: Motion, velocity: Vec3, seen_back: u64, session: u64, tick_off: u32 },
+    Setpoint {
+        skip: u64,
+        motion: Motion,
+        velocity: Vec3,
+        seen_back: u64,
+        session: u64,
+        tick_off: u32,
+    },
     Begin(u32),
     End(u32),
     Garbage(Vec<u8>),
@@ -125,15 +147,24 @@ fn motion() -> impl Strategy<Value = Motion> {
 }
 
 fn happening() -> impl Strategy<Value = (u64, Happening)> {
-    let sent = (0_u64..3, motion(), velocity(), 0_u64..40, prop_oneof![9 => Just(3_u64), 1 => Just(4)], 0_u32..20);
-    let setpoint = sent.prop_map(|(skip, motion, velocity, seen_back, session, off)| Happening::Setpoint {
-        skip,
-        motion,
-        velocity,
-        seen_back,
-        session,
-        tick_off: off / 19,
-    });
+    let sent = (
+        0_u64..3,
+        motion(),
+        velocity(),
+        0_u64..40,
+        prop_oneof![9 => Just(3_u64), 1 => Just(4)],
+        0_u32..20,
+    );
+    let setpoint = sent.prop_map(
+        |(skip, motion, velocity, seen_back, session, off)| Happening::Setpoint {
+            skip,
+            motion,
+            velocity,
+            seen_back,
+            session,
+            tick_off: off / 19,
+        },
+    );
     let what = prop_oneof![
         30 => setpoint,
         2 => (0_u32..5).prop_map(Happening::Begin),
@@ -154,7 +185,14 @@ fn play(timing: Timing, happenings: &[(u64, Happening)]) -> Result<Vec<u8>, Test
     for (wait, happening) in happenings {
         stage.pass(stage.now.after(wait * MILLISECOND));
         match happening {
-            Happening::Setpoint { skip, motion, velocity, seen_back, session, tick_off } => {
+            Happening::Setpoint {
+                skip,
+                motion,
+                velocity,
+                seen_back,
+                session,
+                tick_off,
+            } => {
                 seq += skip;
                 let newest = stage.states.last().map(|state| state.header);
                 let echo = newest.map_or(0, |header| header.seq.0.saturating_sub(*seen_back));
@@ -163,7 +201,10 @@ fn play(timing: Timing, happenings: &[(u64, Happening)]) -> Result<Vec<u8>, Test
                 setpoint.header.session = Session(*session);
                 let refused = stage.states.last().map_or(0, |state| state.body.refused.count);
                 stage.step(Event::Setpoint(setpoint));
-                let admitted = stage.states.last().is_some_and(|state| state.body.refused.count == refused);
+                let admitted = stage
+                    .states
+                    .last()
+                    .is_some_and(|state| state.body.refused.count == refused);
                 permitted_by_sender |= admitted && motion.is_permitted();
             }
             Happening::Begin(number) => stage.step(begin(*number)),
@@ -177,7 +218,10 @@ fn play(timing: Timing, happenings: &[(u64, Happening)]) -> Result<Vec<u8>, Test
             Happening::Stop => stage.step(Event::Stop),
         }
         let arm = stage.robot.arm();
-        prop_assert!(permitted_by_sender || arm.speeds() == &[0.0; 7], "it moves and nobody permitted it");
+        prop_assert!(
+            permitted_by_sender || arm.speeds() == &[0.0; 7],
+            "it moves and nobody permitted it"
+        );
         for joint in 0..JOINTS {
             prop_assert!(arm.angles()[joint] >= POSITION_MIN_RAD[joint]);
             prop_assert!(arm.angles()[joint] <= POSITION_MAX_RAD[joint]);
@@ -203,7 +247,7 @@ fn bytes_of(stage: &Stage) -> Vec<u8> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 100, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn whatever_happens_the_robot_keeps_its_limits_and_repeats_itself(

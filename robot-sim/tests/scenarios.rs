@@ -4,9 +4,7 @@ mod support;
 
 use support::*;
 use tandem_robot_sim::{Event, RobotSimSettings};
-use tandem_wire::{
-    Clearance, Malformed, Motion, Node, Reason, Refusal, Session, Timing, Topic, Unreadable, Vec3,
-};
+use tandem_wire::{Clearance, Malformed, Motion, Node, Reason, Refusal, Session, Timing, Topic, Unreadable, Vec3};
 
 const RIGHT: Vec3 = Vec3::new(0.0, 0.2, 0.0);
 
@@ -17,8 +15,25 @@ fn a_press_moves_the_arm_and_a_release_stops_it() {
     stage.stream(at(100), RELEASED, Vec3::ZERO);
     stage.stream(at(600), pressed(1), RIGHT);
     stage.stream(at(900), RELEASED, Vec3::ZERO);
-    insta::assert_snapshot!(stage.told(), @"");
-    insta::assert_snapshot!(stage.told_in_full(5), @"");
+    insta::assert_snapshot!(stage.told(), @r"
+      0 ms  tick  0  trial 0 held: no setpoint has arrived yet, at rest
+     80 ms  tick  0  trial 0 held: the deadman is released, at rest
+    140 ms  tick  1  trial 0 press 1
+    640 ms  tick  6  trial 0 held: the deadman is released
+    700 ms  tick  7  trial 0 held: the deadman is released, at rest
+    ");
+    insta::assert_snapshot!(stage.told_in_full(5), @r"
+      0 ms  tick  0  (0.5000 -0.3000 0.1500)  0.000 m/s  nearest 0.2412  trial 0 held: no setpoint has arrived yet, at rest
+    100 ms  tick  1  (0.5000 -0.3000 0.1500)  0.000 m/s  nearest 0.2412  trial 0 held: the deadman is released, at rest
+    200 ms  tick  2  (0.5000 -0.2906 0.1500)  0.199 m/s  nearest 0.2370  trial 0 press 1
+    300 ms  tick  3  (0.4999 -0.2707 0.1500)  0.200 m/s  nearest 0.2257  trial 0 press 1
+    400 ms  tick  4  (0.4999 -0.2507 0.1500)  0.200 m/s  nearest 0.2057  trial 0 press 1
+    500 ms  tick  5  (0.4999 -0.2307 0.1500)  0.200 m/s  nearest 0.1857  trial 0 press 1
+    600 ms  tick  6  (0.4999 -0.2107 0.1500)  0.200 m/s  nearest 0.1657  trial 0 press 1
+    700 ms  tick  7  (0.4999 -0.2001 0.1500)  0.000 m/s  nearest 0.1551  trial 0 held: the deadman is released, at rest
+    800 ms  tick  8  (0.4999 -0.2001 0.1500)  0.000 m/s  nearest 0.1551  trial 0 held: the deadman is released, at rest
+    900 ms  tick  9  (0.4999 -0.2001 0.1500)  0.000 m/s  nearest 0.1551  trial 0 held: the deadman is released, at rest
+    ");
 }
 
 #[test]
@@ -32,7 +47,15 @@ fn a_silent_stream_stops_the_arm_and_the_same_press_does_not_move_it_again() {
     assert_eq!(stage.tool(), stopped_at);
     stage.stream(at(1300), pressed(2), RIGHT);
     assert!(stage.tool().y > stopped_at.y + 0.04);
-    insta::assert_snapshot!(stage.told(), @"");
+    insta::assert_snapshot!(stage.told(), @r"
+       0 ms  tick  0  trial 0 held: no setpoint has arrived yet, at rest
+      40 ms  tick  0  trial 0 held: the deadman is released, at rest
+     140 ms  tick  1  trial 0 press 1
+     420 ms  tick  4  trial 0 held: the arbiter's setpoints stopped 101 ms ago
+     500 ms  tick  5  trial 0 held: the arbiter's setpoints stopped 101 ms ago, at rest
+     740 ms  tick  7  trial 0 held: waiting for a fresh press of the deadman, at rest
+    1040 ms  tick 10  trial 0 press 2
+    ");
 }
 
 #[test]
@@ -51,7 +74,10 @@ fn what_should_not_be_obeyed_is_counted_and_changes_nothing() {
         Event::Setpoint(foreign),
         Event::Setpoint(setpoint(1001, 0, pressed(1), RIGHT, None)),
         Event::Setpoint(setpoint(1001, 0, pressed(1), RIGHT, seen(1_000_000))),
-        Event::Unreadable(Unreadable { topic: Topic::Setpoint, why: Malformed::NotFinite }),
+        Event::Unreadable(Unreadable {
+            topic: Topic::Setpoint,
+            why: Malformed::NotFinite,
+        }),
         Event::Presence,
     ];
     let before = stage.tool();
@@ -76,7 +102,27 @@ fn a_backlog_that_arrives_in_order_is_too_old_and_stops_the_arm() {
         stage.pass(at(222 + 20 * n));
         stage.step(Event::Setpoint(setpoint(100 + n, 0, pressed(1), RIGHT, old)));
     }
-    insta::assert_snapshot!(stage.told(), @"");
+    insta::assert_snapshot!(stage.told(), @r"
+       0 ms  tick  0  trial 0 held: no setpoint has arrived yet, at rest
+      40 ms  tick  0  trial 0 held: the deadman is released, at rest
+     140 ms  tick  1  trial 0 press 1
+     720 ms  tick  7  trial 0 press 1, refused 1 (made from a state that is too old)
+     740 ms  tick  7  trial 0 press 1, refused 2 (made from a state that is too old)
+     760 ms  tick  7  trial 0 press 1, refused 3 (made from a state that is too old)
+     780 ms  tick  7  trial 0 press 1, refused 4 (made from a state that is too old)
+     800 ms  tick  8  trial 0 held: commands answer a state that is too old, refused 5 (made from a state that is too old)
+     820 ms  tick  8  trial 0 held: commands answer a state that is too old, refused 6 (made from a state that is too old)
+     840 ms  tick  8  trial 0 held: commands answer a state that is too old, refused 7 (made from a state that is too old)
+     860 ms  tick  8  trial 0 held: commands answer a state that is too old, refused 8 (made from a state that is too old)
+     880 ms  tick  8  trial 0 held: commands answer a state that is too old, at rest, refused 9 (made from a state that is too old)
+     900 ms  tick  9  trial 0 held: commands answer a state that is too old, at rest, refused 10 (made from a state that is too old)
+     920 ms  tick  9  trial 0 held: commands answer a state that is too old, at rest, refused 11 (made from a state that is too old)
+     940 ms  tick  9  trial 0 held: commands answer a state that is too old, at rest, refused 12 (made from a state that is too old)
+     960 ms  tick  9  trial 0 held: commands answer a state that is too old, at rest, refused 13 (made from a state that is too old)
+     980 ms  tick  9  trial 0 held: commands answer a state that is too old, at rest, refused 14 (made from a state that is too old)
+    1000 ms  tick 10  trial 0 held: commands answer a state that is too old, at rest, refused 15 (made from a state that is too old)
+    1020 ms  tick 10  trial 0 held: commands answer a state that is too old, at rest, refused 16 (made from a state that is too old)
+    ");
 }
 
 #[test]
@@ -103,13 +149,31 @@ fn contact_between_two_states_is_reported() {
     stage.stream(at(600), pressed(1), Vec3::new(0.0, 1.0, 0.0));
     let nearest = |clearance: Option<Clearance>| clearance.unwrap().distance.0;
     let lowest = |of: &dyn Fn(&tandem_wire::State) -> f64| {
-        stage.states.iter().map(|state| of(&state.body)).fold(f64::INFINITY, f64::min)
+        stage
+            .states
+            .iter()
+            .map(|state| of(&state.body))
+            .fold(f64::INFINITY, f64::min)
     };
-    assert!(lowest(&|state| nearest(state.closest)) < -0.003, "the tool went through the post");
-    assert!(lowest(&|state| nearest(state.clearance)) > 0.0, "and no state was taken while it did");
-    let touched = stage.states.iter().find(|state| nearest(state.body.closest) <= 0.0).unwrap();
+    assert!(
+        lowest(&|state| nearest(state.closest)) < -0.003,
+        "the tool went through the post"
+    );
+    assert!(
+        lowest(&|state| nearest(state.clearance)) > 0.0,
+        "and no state was taken while it did"
+    );
+    let touched = stage
+        .states
+        .iter()
+        .find(|state| nearest(state.body.closest) <= 0.0)
+        .unwrap();
     let Clearance { body, obstacle, .. } = touched.body.closest.unwrap();
-    assert_eq!((body, obstacle), (0, 1), "the tool is the first body, the post the second obstacle");
+    assert_eq!(
+        (body, obstacle),
+        (0, 1),
+        "the tool is the first body, the post the second obstacle"
+    );
     for state in &stage.states {
         assert!(nearest(state.body.closest) <= nearest(state.body.clearance));
     }
@@ -132,7 +196,17 @@ fn in_lockstep_each_setpoint_moves_the_arm_by_one_period() {
     stage.step(Event::Stop);
     stage.step(Event::Wake);
     assert_eq!(stage.scenes.len(), 2);
-    insta::assert_snapshot!(stage.told_in_full(1), @"");
+    insta::assert_snapshot!(stage.told_in_full(1), @r"
+      0 ms  tick  0  (0.5000 -0.3000 0.1500)  0.000 m/s  nearest 0.2412  trial 1 held: no setpoint has arrived yet, at rest
+    100 ms  tick  1  (0.5000 -0.3000 0.1500)  0.000 m/s  nearest 0.2412  trial 1 held: the deadman is released, at rest
+    200 ms  tick  2  (0.5000 -0.2862 0.1500)  0.199 m/s  nearest 0.2351  trial 1 press 1
+    300 ms  tick  3  (0.4999 -0.2663 0.1500)  0.200 m/s  nearest 0.2213  trial 1 press 1
+    400 ms  tick  4  (0.4999 -0.2463 0.1500)  0.200 m/s  nearest 0.2013  trial 1 press 1
+    500 ms  tick  5  (0.5000 -0.3000 0.1500)  0.000 m/s  nearest 0.2412  trial 2 held: the trial is over, at rest
+    600 ms  tick  6  (0.5000 -0.3000 0.1500)  0.000 m/s  nearest 0.2412  trial 2 held: waiting for a fresh press of the deadman, at rest
+    700 ms  tick  7  (0.5000 -0.2862 0.1500)  0.199 m/s  nearest 0.2351  trial 2 press 2
+    700 ms  tick  7  (0.5000 -0.2862 0.1500)  0.199 m/s  nearest 0.2351  trial 2 held: the node is shutting down
+    ");
 }
 
 #[test]
@@ -168,7 +242,15 @@ fn a_trial_that_begins_while_the_arm_moves_waits_until_it_stands() {
     assert_eq!(stage.state().body.refused.last, None);
     stage.pass(at(1020));
     assert_eq!(stage.state().body.refused.last, Some(Refusal::LoopTooOld));
-    insta::assert_snapshot!(stage.told(), @"");
+    insta::assert_snapshot!(stage.told(), @r"
+       0 ms  tick  0  trial 1 held: no setpoint has arrived yet, at rest
+      40 ms  tick  0  trial 1 held: the deadman is released, at rest
+     140 ms  tick  1  trial 1 press 1
+     620 ms  tick  6  trial 0 held: the trial is over
+     680 ms  tick  6  trial 2 held: the trial is over, at rest
+     720 ms  tick  7  trial 2 held: the arbiter's setpoints stopped 118 ms ago, at rest
+    1020 ms  tick 10  trial 2 held: the arbiter's setpoints stopped 118 ms ago, at rest, refused 1 (made from a state that is too old)
+    ");
 }
 
 #[test]

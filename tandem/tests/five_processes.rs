@@ -132,7 +132,7 @@ fn five_processes_drive_to_the_goal_whoever_starts_first() {
         assert_eq!(process.end(), Some(0), "{name} ends cleanly");
     }
     let counts = channels(&session);
-    for channel in ["/command", "/proposal", "/setpoint", "/state"] {
+    for channel in ["command", "proposal", "setpoint", "state"] {
         assert!(
             counts.get(channel).is_some_and(|count| *count > 50),
             "{channel} is recorded: {counts:?}"

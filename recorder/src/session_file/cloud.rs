@@ -66,7 +66,10 @@ struct Cloud {
 }
 
 impl Cloud {
-    #[expect(clippy::cast_possible_truncation, reason = "a tenth of a micrometre is enough to look at")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "a tenth of a micrometre is enough to look at"
+    )]
     fn point(&mut self, at: Vec3, [red, green, blue]: [u8; 3]) {
         for coordinate in at.to_array() {
             self.data.put_f32_le(coordinate as f32);

@@ -3,8 +3,8 @@
 use tandem_wire as wire;
 
 use super::schemas::{
-    Body, Clearance, Command, Counts, Cylinder, Forecast, ForecastPoint, Guidance, Header, JournalCount, Law, MessageId,
-    Motion, Obeyed, Proposal, Refusals, Scene, Setpoint, State, StreamCount, Trial, Used,
+    Body, Clearance, Command, Counts, Cylinder, Forecast, ForecastPoint, Guidance, Header, JournalCount, Law,
+    MessageId, Motion, Obeyed, Proposal, Refusals, Scene, Setpoint, State, StreamCount, Trial, Used,
 };
 use super::standard::{frame_name, pose, vector};
 use crate::sinks::Drops;

@@ -3,6 +3,11 @@
 //! The fields are numbered in the order they stand here, and every file carries its own description, so a file stays
 //! readable whatever becomes of these structs. Vectors and poses are Foxglove's, so that tools know them.
 
+#![expect(
+    clippy::disallowed_types,
+    reason = "the derive lists schemas it has seen in a set whose order it never asks"
+)]
+
 use foxglove::Encode;
 use foxglove::messages::{Pose, Vector3};
 

@@ -91,7 +91,11 @@ pub(super) fn forecast_shapes(forecast: &Forecast, time: Timestamp) -> SceneUpda
         .iter()
         .map(|point| {
             let width = point.half_width;
-            sphere(point.position, Vec3::new(size(width.x), size(width.y), size(width.z)), BLUE)
+            sphere(
+                point.position,
+                Vec3::new(size(width.x), size(width.y), size(width.z)),
+                BLUE,
+            )
         })
         .collect();
     shapes.lines = vec![LinePrimitive {

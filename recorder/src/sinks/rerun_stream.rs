@@ -5,6 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use rerun::log::{ChunkBatcherConfig, PendingRow};
+use rerun::sink::{FileSink, FileSinkOptions};
 use rerun::{RecordingStream, RecordingStreamBuilder, TimePoint};
 use tandem_wire::Timing;
 
@@ -16,9 +17,11 @@ use crate::view::{Drawing, View, layout};
 
 /// What Rerun shows as the application.
 const APPLICATION: &str = "tandem";
-/// How long rows may wait to be sent together. Every batch of an entity costs about a kilobyte of its own, so at 50 Hz
-/// the SDK's eight milliseconds would send more envelope than letter; a tenth of a second nobody notices.
-const BATCH: Duration = Duration::from_millis(100);
+/// How long rows may wait to be sent together to a viewer. Every batch of an entity costs about a kilobyte of its own,
+/// so at 50 Hz the SDK's eight milliseconds would send more envelope than letter; a tenth of a second nobody notices.
+const LIVE_BATCH: Duration = Duration::from_millis(100);
+/// The same for a file: larger batches make it smaller, and half a second is what a crash may cost anyway.
+const FILE_BATCH: Duration = Duration::from_millis(500);
 /// What may be on its way inside the SDK. Its default of 100 MiB would be most of our memory while a viewer is frozen.
 const IN_FLIGHT_BYTES: u64 = 4 << 20;
 
@@ -37,12 +40,23 @@ impl StreamSink {
             path: path.to_owned(),
             source,
         })?;
-        builder(provenance).save(path).map(|stream| Self::new(stream, timing)).map_err(view_error)
+        // The footer needs a record of every batch in memory until the end: a megabyte a second, measured. Viewers read
+        // the file without it, and `rerun rrd optimize` adds it.
+        let options = FileSinkOptions { write_footer: false };
+        let sink = FileSink::with_options(path, options).map_err(|source| OpenError::View {
+            source: Box::new(source.into()),
+        })?;
+        let stream = builder(provenance, FILE_BATCH).buffered().map_err(view_error)?;
+        stream.set_sink(Box::new(sink));
+        Ok(Self::new(stream, timing))
     }
 
     /// A viewer's address. Connecting goes on in the background, for ever.
     pub(super) fn connect(url: &str, timing: Timing, provenance: &Provenance) -> Result<Self, OpenError> {
-        builder(provenance).connect_grpc_opts(url).map(|stream| Self::new(stream, timing)).map_err(view_error)
+        builder(provenance, LIVE_BATCH)
+            .connect_grpc_opts(url)
+            .map(|stream| Self::new(stream, timing))
+            .map_err(view_error)
     }
 
     fn new(stream: RecordingStream, timing: Timing) -> Self {
@@ -92,9 +106,9 @@ impl Sink for StreamSink {
     }
 }
 
-fn builder(provenance: &Provenance) -> RecordingStreamBuilder {
+fn builder(provenance: &Provenance, batch: Duration) -> RecordingStreamBuilder {
     let config = ChunkBatcherConfig {
-        flush_tick: BATCH,
+        flush_tick: batch,
         max_bytes_in_flight: IN_FLIGHT_BYTES,
         ..ChunkBatcherConfig::DEFAULT
     };

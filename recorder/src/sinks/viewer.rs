@@ -11,7 +11,7 @@ use std::time::Duration;
 use rerun::sink::{GrpcSink, GrpcSinkConnectionState};
 use tandem_wire::Timing;
 
-use super::feed::Sink;
+use super::feed::{Shared, Sink};
 use super::rerun_stream::StreamSink;
 use super::{Drops, Notice};
 use crate::heard::Heard;
@@ -24,16 +24,23 @@ const PROBE: Duration = Duration::from_millis(200);
 /// The viewer's executable.
 const RERUN: &str = if cfg!(windows) { "rerun.exe" } else { "rerun" };
 
+/// How many flushes nobody may answer before we say so; the SDK goes on trying.
+const PATIENCE: u32 = 4;
+
 /// ```text
-///            begin                    first answer           connection lost
-///   Wanted ─────────▶ Connecting ─────────────────▶ Connected ──────────────▶ a Notice, and the feed stops trying
-///      │
+///            begin                    first answer             connection lost
+///   Wanted ─────────▶ Connecting ───────────────────▶ Connected ──────────────▶ Gone: a Notice, and no more tries
+///      │                 │    ▲
+///      │                 └────┘ nobody answers: a Notice
 ///      └─ none to start: a Notice
 /// ```
+///
+/// A viewer that is frozen stays `Connected`: the SDK's buffers fill, this thread hangs, the queue overflows.
 pub(super) struct ViewerSink {
     wanted: Wanted,
     timing: Timing,
     provenance: Provenance,
+    shared: Arc<Shared>,
     connection: Option<Connection>,
 }
 
@@ -46,27 +53,31 @@ struct Connection {
     url: String,
     sink: StreamSink,
     status: Arc<AtomicU8>,
+    unanswered: u32,
+    shared: Arc<Shared>,
     /// The viewer that we started, until it has answered.
     child: Option<Child>,
 }
 
 impl ViewerSink {
     /// A viewer at this address.
-    pub(super) const fn connect(url: String, timing: Timing, provenance: Provenance) -> Self {
+    pub(super) const fn connect(url: String, timing: Timing, provenance: Provenance, shared: Arc<Shared>) -> Self {
         Self {
             wanted: Wanted::At(url),
             timing,
             provenance,
+            shared,
             connection: None,
         }
     }
 
     /// The viewer of this machine, started if need be.
-    pub(super) const fn spawn(timing: Timing, provenance: Provenance) -> Self {
+    pub(super) const fn spawn(timing: Timing, provenance: Provenance, shared: Arc<Shared>) -> Self {
         Self {
             wanted: Wanted::OnThisMachine,
             timing,
             provenance,
+            shared,
             connection: None,
         }
     }
@@ -86,6 +97,8 @@ impl Sink for ViewerSink {
             url,
             sink,
             status: Arc::new(AtomicU8::new(CONNECTING)),
+            unanswered: 0,
+            shared: Arc::clone(&self.shared),
             child,
         });
         connection.sink.begin()
@@ -123,7 +136,7 @@ impl Connection {
         match self.status.load(Ordering::Relaxed) {
             CONNECTED => self.child = None,
             GONE => return Err(Notice::ViewerGone { url: self.url.clone() }),
-            _ => self.watch_child()?,
+            _ => self.wait_for_answer()?,
         }
         let status = Arc::clone(&self.status);
         let asked = move |sink: &dyn rerun::sink::LogSink| {
@@ -143,7 +156,12 @@ impl Connection {
         Ok(())
     }
 
-    fn watch_child(&mut self) -> Result<(), Notice> {
+    fn wait_for_answer(&mut self) -> Result<(), Notice> {
+        self.unanswered += 1;
+        if self.unanswered == PATIENCE && self.child.is_none() {
+            let url = self.url.clone();
+            self.shared.say(Notice::ViewerSilent { url });
+        }
         let ended = self.child.as_mut().and_then(|child| child.try_wait().ok().flatten());
         match ended {
             // The `rerun` command may hand over to another process and end well.
@@ -162,7 +180,11 @@ fn find_or_start() -> Result<Option<Child>, Notice> {
     }
     let program = find_on_path().ok_or(Notice::NoViewer)?;
     let mut command = Command::new(program);
-    command.arg("--port").arg(LOCAL.port().to_string()).arg("--bind").arg(LOCAL.ip().to_string());
+    command
+        .arg("--port")
+        .arg(LOCAL.port().to_string())
+        .arg("--bind")
+        .arg(LOCAL.ip().to_string());
     command.args(["--hide-welcome-screen", "--expect-data-soon"]);
     // What the viewer prints would land in the middle of our own screen.
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
@@ -171,11 +193,15 @@ fn find_or_start() -> Result<Option<Child>, Notice> {
         // Ctrl-C ends us, not the window in which one still looks at what happened.
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
     }
-    let started = command.spawn().map_err(|error| Notice::ViewerFailed { why: error.to_string() })?;
+    let started = command
+        .spawn()
+        .map_err(|error| Notice::ViewerFailed { why: error.to_string() })?;
     Ok(Some(started))
 }
 
 fn find_on_path() -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;
-    std::env::split_paths(&path).map(|folder| folder.join(RERUN)).find(|program| program.is_file())
+    std::env::split_paths(&path)
+        .map(|folder| folder.join(RERUN))
+        .find(|program| program.is_file())
 }

@@ -13,12 +13,22 @@ pub(super) fn draw(bodies: &[Body], state: &State, sheet: &mut Sheet<'_>) {
         placed.iter().map(|body| xyz(body.to)),
         placed.iter().map(|body| single(body.radius)),
     );
-    let colours = placed.iter().map(|body| if body.is_tool { colours::TOOL } else { colours::LINK });
-    sheet.draw("world/arm", &capsules.with_colors(colours).with_fill_mode(FillMode::Solid));
+    let colours = placed
+        .iter()
+        .map(|body| if body.is_tool { colours::TOOL } else { colours::LINK });
+    sheet.draw(
+        "world/arm",
+        &capsules.with_colors(colours).with_fill_mode(FillMode::Solid),
+    );
     let tip = xyz(state.tool.position);
-    let dot = rerun::Points3D::new([tip]).with_radii([0.007]).with_colors([colours::TOOL]);
+    let dot = rerun::Points3D::new([tip])
+        .with_radii([0.007])
+        .with_colors([colours::TOOL]);
     sheet.draw("world/tool", &dot);
     let dot = rerun::Points2D::new([plan(state.tool.position)]);
-    let dot = dot.with_radii([0.007]).with_colors([colours::TOOL]).with_draw_order(40.0);
+    let dot = dot
+        .with_radii([0.007])
+        .with_colors([colours::TOOL])
+        .with_draw_order(40.0);
     sheet.draw("plan/tool", &dot);
 }

@@ -11,7 +11,16 @@ const CORNERS: u32 = 8;
 /// on every machine.
 const AROUND: [(f64, f64); CORNERS as usize] = {
     let d = std::f64::consts::FRAC_1_SQRT_2;
-    [(1.0, 0.0), (d, d), (0.0, 1.0), (-d, d), (-1.0, 0.0), (-d, -d), (0.0, -1.0), (d, -d)]
+    [
+        (1.0, 0.0),
+        (d, d),
+        (0.0, 1.0),
+        (-d, d),
+        (-1.0, 0.0),
+        (-d, -d),
+        (0.0, -1.0),
+        (d, -d),
+    ]
 };
 /// A tube thinner than this could not be seen, in metres.
 const THINNEST: f64 = 0.0005;
@@ -19,7 +28,9 @@ const THINNEST: f64 = 0.0005;
 pub(super) fn draw_forecast(forecast: &Forecast, sheet: &mut Sheet<'_>) {
     let points = &forecast.points;
     let line = LineStrip3D::from_iter(points.iter().map(|point| xyz(point.position)));
-    let line = rerun::LineStrips3D::new([line]).with_colors([colours::FORECAST]).with_radii([0.0015]);
+    let line = rerun::LineStrips3D::new([line])
+        .with_colors([colours::FORECAST])
+        .with_radii([0.0015]);
     sheet.draw("world/forecast/line", &line);
     draw_tube(points, sheet);
     draw_band(points, sheet);
@@ -42,7 +53,9 @@ fn draw_tube(points: &[ForecastPoint], sheet: &mut Sheet<'_>) {
             [[a, c, b], [b, c, d]]
         })
     });
-    let tube = rerun::Mesh3D::new(vertices).with_triangle_indices(triangles).with_albedo_factor(colours::INTERVAL.0);
+    let tube = rerun::Mesh3D::new(vertices)
+        .with_triangle_indices(triangles)
+        .with_albedo_factor(colours::INTERVAL.0);
     sheet.draw("world/forecast/interval", &tube);
 }
 
@@ -56,12 +69,18 @@ fn draw_band(points: &[ForecastPoint], sheet: &mut Sheet<'_>) {
         points.iter().enumerate().map(edge).collect()
     };
     let (left, right) = (edge(1.0), edge(-1.0));
-    let hatch = rerun::LineStrips2D::new(hatch(&left, &right)).with_colors([colours::INTERVAL]).with_radii([0.0015]);
+    let hatch = rerun::LineStrips2D::new(hatch(&left, &right))
+        .with_colors([colours::INTERVAL])
+        .with_radii([0.0015]);
     sheet.draw("plan/forecast/interval", &hatch.with_draw_order(2.0));
-    let edges = rerun::LineStrips2D::new([left, right]).with_colors([colours::FORECAST]).with_radii([0.0005]);
+    let edges = rerun::LineStrips2D::new([left, right])
+        .with_colors([colours::FORECAST])
+        .with_radii([0.0005]);
     sheet.draw("plan/forecast/edges", &edges.with_draw_order(3.0));
     let line: Vec<_> = points.iter().map(|point| plan(point.position)).collect();
-    let line = rerun::LineStrips2D::new([line]).with_colors([colours::FORECAST]).with_radii([0.001]);
+    let line = rerun::LineStrips2D::new([line])
+        .with_colors([colours::FORECAST])
+        .with_radii([0.001]);
     sheet.draw("plan/forecast/line", &line.with_draw_order(4.0));
 }
 
@@ -99,5 +118,7 @@ fn across(points: &[ForecastPoint], index: usize) -> Vec3 {
 /// How far the interval, taken as an ellipsoid, reaches in a horizontal direction.
 fn reach(point: &ForecastPoint, across: Vec3) -> f64 {
     let width = point.half_width;
-    Vec3::new(width.x * across.x, width.y * across.y, 0.0).norm().max(THINNEST)
+    Vec3::new(width.x * across.x, width.y * across.y, 0.0)
+        .norm()
+        .max(THINNEST)
 }

@@ -8,8 +8,7 @@ use rerun::external::re_sdk_types::blueprint::archetypes::{
     TextLogColumns, TimeAxis, TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint, VisualBounds2D,
 };
 use rerun::external::re_sdk_types::blueprint::components::{
-    ContainerKind, Corner2D, Eye3DKind, GridSpacing, LinkAxis, PanelState, PlayState, ViewClass,
-    VisualBounds2D as Bounds,
+    ContainerKind, Corner2D, Eye3DKind, GridSpacing, PanelState, PlayState, ViewClass, VisualBounds2D as Bounds,
 };
 use rerun::external::re_sdk_types::blueprint::datatypes::{TextLogColumn, TextLogColumnKind, TimelineColumn};
 use rerun::external::re_sdk_types::datatypes::{Range2D, TimeRange, TimeRangeBoundary, Uuid};
@@ -34,7 +33,11 @@ pub(crate) fn send(recording: &RecordingStream) -> RecordingStreamResult<()> {
     let application = info.application_id().clone();
     let (blueprint, storage) = RecordingStreamBuilder::new(application).blueprint().memory()?;
     blueprint.set_time_sequence("blueprint", 0);
-    Sketch { blueprint: &blueprint, made: 0 }.draw()?;
+    Sketch {
+        blueprint: &blueprint,
+        made: 0,
+    }
+    .draw()?;
     blueprint.flush_blocking().ok();
     let messages = storage.take();
     let Some(first) = messages.first().map(LogMsg::store_id) else {
@@ -74,11 +77,22 @@ impl Sketch<'_> {
     fn draw(mut self) -> RecordingStreamResult<()> {
         let left = [self.world(5.6)?, self.lanes(1.9)?, self.log(1.7)?];
         let left = self.container(ContainerKind::Vertical, "who drives", &left, 1.25)?;
-        let right = [self.plan(3.6)?, self.weight(1.5)?, self.confidence(1.7)?, self.effort(1.6)?, self.margins(1.5)?];
+        let right = [
+            self.plan(3.6)?,
+            self.weight(1.5)?,
+            self.confidence(1.7)?,
+            self.effort(1.6)?,
+            self.margins(1.5)?,
+        ];
         let right = self.container(ContainerKind::Vertical, "why", &right, 1.0)?;
         let root = self.container(ContainerKind::Horizontal, "Tandem", &[left, right], 1.0)?;
-        let root = Uuid { bytes: uuid_bytes(&root.path) };
-        let viewport = ViewportBlueprint::new().with_root_container(root).with_auto_layout(false).with_auto_views(false);
+        let root = Uuid {
+            bytes: uuid_bytes(&root.path),
+        };
+        let viewport = ViewportBlueprint::new()
+            .with_root_container(root)
+            .with_auto_layout(false)
+            .with_auto_views(false);
         self.blueprint.log("viewport", &viewport)?;
         self.panels()
     }
@@ -100,7 +114,9 @@ impl Sketch<'_> {
             .with_position([1.25, -0.62, 0.78])
             .with_look_target([0.33, 0.03, 0.27])
             .with_eye_up([0.0, 0.0, 1.0]);
-        let grid = LineGrid3D::new().with_spacing(GridSpacing(0.1.into())).with_color(colours::WORKSPACE);
+        let grid = LineGrid3D::new()
+            .with_spacing(GridSpacing(0.1.into()))
+            .with_color(colours::WORKSPACE);
         let information = SpatialInformation::new("tf#/world").with_show_axes(false);
         self.view(&ViewSpec {
             class: "3D",
@@ -129,18 +145,29 @@ impl Sketch<'_> {
         })
     }
 
+    /// The lanes say most, but their view keeps the range of time that it had when it opened, which in a live view is
+    /// nothing yet. So a plot that follows stands in front of them.
     fn lanes(&mut self, share: f32) -> RecordingStreamResult<Part> {
-        self.view(&ViewSpec {
+        let lanes = ViewSpec {
             class: "StateTimeline",
-            name: "Who drives",
+            name: "Lanes: driver, reason, trial (double-click to fit)",
             origin: "lanes",
-            share,
+            share: 1.0,
             properties: &[],
-        })
+        };
+        let levels = Some([-0.6, 3.6]);
+        let tabs = [
+            self.plot("Who drives", "plots/driver", levels, 1.0)?,
+            self.view(&lanes)?,
+        ];
+        self.container(ContainerKind::Tabs, "Who drives", &tabs, share)
     }
 
     fn log(&mut self, share: f32) -> RecordingStreamResult<Part> {
-        let column = |kind| TextLogColumn { visible: true.into(), kind };
+        let column = |kind| TextLogColumn {
+            visible: true.into(),
+            kind,
+        };
         let columns = TextLogColumns::new()
             .with_timeline_columns([TimelineColumn {
                 visible: true.into(),
@@ -157,7 +184,12 @@ impl Sketch<'_> {
     }
 
     fn weight(&mut self, share: f32) -> RecordingStreamResult<Part> {
-        self.plot("Human's weight ω", "plots/weight", Some([-0.03, 1.03]), share)
+        self.plot(
+            "Human's weight ω, in the colour of who drives",
+            "plots/weight",
+            Some([-0.03, 1.03]),
+            share,
+        )
     }
 
     fn confidence(&mut self, share: f32) -> RecordingStreamResult<Part> {
@@ -185,11 +217,7 @@ impl Sketch<'_> {
     /// A plot over the whole session, so that all of them share their time axis.
     fn plot(&mut self, name: &str, origin: &str, range: Option<[f64; 2]>, share: f32) -> RecordingStreamResult<Part> {
         let legend = PlotLegend::new().with_corner(Corner2D::LeftTop);
-        let whole = TimeRange {
-            start: TimeRangeBoundary::Absolute(0.into()),
-            end: TimeRangeBoundary::Infinite,
-        };
-        let time = TimeAxis::new().with_view_range(whole);
+        let time = whole_session();
         let mut values = ScalarAxis::new();
         if let Some(range) = range {
             values = values.with_range(range);
@@ -214,7 +242,10 @@ impl Sketch<'_> {
         for (name, property) in spec.properties {
             self.blueprint.log(format!("{path}/{name}"), *property)?;
         }
-        Ok(Part { path, share: spec.share })
+        Ok(Part {
+            path,
+            share: spec.share,
+        })
     }
 
     fn container(
@@ -245,12 +276,26 @@ impl Sketch<'_> {
     }
 }
 
+/// All plots show the whole session, so that they line up.
+fn whole_session() -> TimeAxis {
+    TimeAxis::new().with_view_range(TimeRange {
+        start: TimeRangeBoundary::Absolute(0.into()),
+        end: TimeRangeBoundary::Infinite,
+    })
+}
+
 /// The blueprint wants identifiers in this form; only the end has to differ.
 const UUID_HEAD: &str = "74616e64-656d-4000-8000-";
 
 /// The sixteen bytes of the identifier at the end of `path`.
 fn uuid_bytes(path: &str) -> [u8; 16] {
-    let digits: Vec<u32> = path.rsplit('/').next().unwrap_or(path).chars().filter_map(|c| c.to_digit(16)).collect();
+    let digits: Vec<u32> = path
+        .rsplit('/')
+        .next()
+        .unwrap_or(path)
+        .chars()
+        .filter_map(|c| c.to_digit(16))
+        .collect();
     let mut bytes = [0; 16];
     for (byte, pair) in bytes.iter_mut().zip(digits.chunks_exact(2)) {
         *byte = u8::try_from(pair[0] * 16 + pair[1]).expect("two hexadecimal digits make a byte");

@@ -50,6 +50,20 @@ impl Driver {
         }
     }
 
+    /// Its height in the plot of who drives: the more human, the higher.
+    const fn level(self) -> f64 {
+        match self {
+            Self::Human => 3.0,
+            Self::Shared => 2.0,
+            Self::Robot => 1.0,
+            Self::Held => 0.0,
+        }
+    }
+
+    fn series(self) -> String {
+        format!("plots/driver/{}", self.name())
+    }
+
     const fn colour(self) -> Color {
         match self {
             Self::Human => colours::HUMAN,
@@ -70,9 +84,25 @@ pub(super) fn styles() -> Vec<Drawing> {
     let drivers = rerun::StateConfiguration::new()
         .with_values(Driver::ALL.map(Driver::name))
         .with_colors(Driver::ALL.map(Driver::colour));
-    vec![
+    let driver = |driver: Driver| {
+        let style = rerun::SeriesPoints::new()
+            .with_names([driver.name()])
+            .with_colors([driver.colour()]);
+        let style = style
+            .with_markers([rerun::components::MarkerShape::Square])
+            .with_marker_sizes([6.0]);
+        fixed(&driver.series(), &style)
+    };
+    let mut styles = Driver::ALL.map(driver).to_vec();
+    styles.extend([
         fixed("lanes/driver", &drivers),
-        line("weight/human", "human's weight ω", human, 2.0),
+        // Its colour is who drives, and changes.
+        fixed(
+            "plots/weight/human",
+            &rerun::SeriesLines::new()
+                .with_names(["human's weight ω"])
+                .with_widths([2.5]),
+        ),
         line("effort/human", "human's command", human, 2.0),
         line("effort/robot", "robot's proposal", robot, 2.0),
         line("effort/tool", "tool", result, 1.0),
@@ -91,11 +121,16 @@ pub(super) fn styles() -> Vec<Drawing> {
         line("lost/unreadable", "unreadable", colours::SHARED, 1.5),
         line("lost/dropped_file", "dropped before the file", human, 1.5),
         line("lost/dropped_view", "dropped before a view", robot, 1.5),
-    ]
+    ]);
+    styles
 }
 
 pub(super) fn draw_setpoint(setpoint: &Setpoint, tool: Option<Vec3>, sheet: &mut Sheet<'_>) {
     sheet.plot("plots/weight/human", setpoint.weight.0);
+    let driver = Driver::of(setpoint);
+    sheet.plot(&driver.series(), driver.level());
+    let colour = rerun::SeriesLines::new().with_colors([driver.colour()]);
+    sheet.draw("plots/weight/human", &colour);
     sheet.plot("plots/effort/human", setpoint.human.norm());
     if let Some(guidance) = &setpoint.guidance {
         sheet.plot("plots/effort/robot", guidance.velocity.norm());
@@ -167,7 +202,10 @@ impl Latency {
 
     /// The latency, the first time that a state obeys a command.
     pub(super) fn moved(&mut self, at: Stamp, state: &Envelope<State>) -> Option<Nanos> {
-        let obeyed = state.body.obeys.filter(|obeyed| obeyed.setpoint.motion.is_permitted())?;
+        let obeyed = state
+            .body
+            .obeys
+            .filter(|obeyed| obeyed.setpoint.motion.is_permitted())?;
         let command = obeyed.setpoint.command?.id;
         let index = self.commands.iter().position(|(id, _)| *id == command)?;
         let (_, commanded) = self.commands.drain(..=index).next_back()?;

@@ -19,7 +19,11 @@ fn draw_obstacles(scene: &Scene, sheet: &mut Sheet<'_>) {
         obstacles.iter().map(|obstacle| single(obstacle.height.0)),
         obstacles.iter().map(|obstacle| single(obstacle.radius.0)),
     )
-    .with_centers(obstacles.iter().map(|obstacle| middle(obstacle.foot, obstacle.height.0)))
+    .with_centers(
+        obstacles
+            .iter()
+            .map(|obstacle| middle(obstacle.foot, obstacle.height.0)),
+    )
     .with_colors([colours::OBSTACLE])
     .with_fill_mode(FillMode::Solid);
     sheet.draw("world/obstacles", &solids);
@@ -43,9 +47,16 @@ fn draw_workspace(scene: &Scene, sheet: &mut Sheet<'_>) {
 }
 
 fn draw_place(name: &str, place: Vec3, radius: f32, colour: rerun::Color, sheet: &mut Sheet<'_>) {
-    let ball = rerun::Points3D::new([xyz(place)]).with_radii([radius]).with_colors([colour]);
-    sheet.draw(&format!("world/{name}"), &ball.with_labels([name]).with_show_labels(true));
-    let disc = rerun::Points2D::new([plan(place)]).with_radii([radius]).with_colors([colour]);
+    let ball = rerun::Points3D::new([xyz(place)])
+        .with_radii([radius])
+        .with_colors([colour]);
+    sheet.draw(
+        &format!("world/{name}"),
+        &ball.with_labels([name]).with_show_labels(true),
+    );
+    let disc = rerun::Points2D::new([plan(place)])
+        .with_radii([radius])
+        .with_colors([colour]);
     let disc = disc.with_labels([name]).with_show_labels(true).with_draw_order(5.0);
     sheet.draw(&format!("plan/{name}"), &disc);
 }

@@ -33,6 +33,7 @@ pub fn session() -> Vec<Sample> {
         script.tick(tick);
     }
     script.end();
+    script.samples.sort_by_key(|sample| sample.at);
     script.samples
 }
 
@@ -106,20 +107,48 @@ impl Script {
         let step = f64::from(tick);
         let silent = SILENCE.contains(&tick);
         let wish = path(step + 1.0, 0.12) + deviation(step);
-        let human = if silent || tick < 2 { Vec3::ZERO } else { (wish - self.tool) * 6.0 };
-        let deadman = if tick < 2 { Deadman::Released } else { Deadman::Held { press: 1 } };
+        let human = if silent || tick < 2 {
+            Vec3::ZERO
+        } else {
+            (wish - self.tool) * 6.0
+        };
+        let deadman = if tick < 2 {
+            Deadman::Released
+        } else {
+            Deadman::Held { press: 1 }
+        };
         let mut used = None;
         if !silent {
-            let command = Command { velocity: human, deadman, seen: Some(state) };
+            let command = Command {
+                velocity: human,
+                deadman,
+                seen: Some(state),
+            };
             let id = self.say(Topic::Command, 1, tick, command);
-            used = Some(Used { id, sent: self.now, age: 1_500_000 });
+            used = Some(Used {
+                id,
+                sent: self.now,
+                age: 1_500_000,
+            });
         }
         if tick == CHECKPOINT {
             self.say(Topic::Forecast, 3, tick, forecast());
         }
         let guidance = (tick >= CHECKPOINT).then(|| guidance(step, self.tool));
-        let id = self.say(Topic::Proposal, 2, tick, Proposal { seen: Some(state), guidance });
-        let proposal = Some(Used { id, sent: self.now, age: 1_000_000 });
+        let id = self.say(
+            Topic::Proposal,
+            2,
+            tick,
+            Proposal {
+                seen: Some(state),
+                guidance,
+            },
+        );
+        let proposal = Some(Used {
+            id,
+            sent: self.now,
+            age: 1_000_000,
+        });
         let motion = match tick {
             0 | 1 => Motion::Held(Reason::DeadmanReleased),
             _ if silent => Motion::Held(Reason::CommandLost { silent: 250_000_000 }),
@@ -167,15 +196,26 @@ impl Script {
 
     fn state(&self) -> State {
         let (links, tool) = arm(self.tool);
-        let obeyed = |(id, setpoint)| Obeyed { id, arrived: self.now, moved: self.now, setpoint };
+        let obeyed = |(id, setpoint)| Obeyed {
+            id,
+            arrived: self.now,
+            moved: self.now,
+            setpoint,
+        };
         let scene = scene();
         let clearance = scene.obstacles.iter().map(|obstacle| {
             let to = self.tool - obstacle.foot;
             Vec3::new(to.x, to.y, 0.0).norm() - obstacle.radius.0 - 0.005
         });
         let distance = clearance.fold(f64::INFINITY, f64::min);
-        let clearance = Some(Clearance { distance: Finite(distance), body: 4, obstacle: 0 });
-        let motion = self.last_setpoint.map_or(Motion::Held(Reason::NoSetpointYet), |(_, s)| s.motion);
+        let clearance = Some(Clearance {
+            distance: Finite(distance),
+            body: 4,
+            obstacle: 0,
+        });
+        let motion = self
+            .last_setpoint
+            .map_or(Motion::Held(Reason::NoSetpointYet), |(_, s)| s.motion);
         State {
             trial: 1,
             trial_start: 0,
@@ -194,8 +234,16 @@ impl Script {
     }
 
     fn journal(&mut self) {
-        let entry = JournalEntry { at: self.now, wall: self.now, what: Happening::Wake };
-        let batch = JournalBatch { first: self.journal, lost: 0, entries: vec![entry; 10] };
+        let entry = JournalEntry {
+            at: self.now,
+            wall: self.now,
+            what: Happening::Wake,
+        };
+        let batch = JournalBatch {
+            first: self.journal,
+            lost: 0,
+            entries: vec![entry; 10],
+        };
         self.journal += 10;
         self.say(Topic::Journal(NodeName::Arbiter), 7, 0, batch);
     }
@@ -262,7 +310,11 @@ pub fn scene() -> Scene {
     let frame = TaskFrame::default();
     let cylinder = |x: f64| {
         let foot = frame.to_base([x, 0.0]);
-        Cylinder { foot: Vec3::new(foot.x, foot.y, 0.0), radius: Finite(0.02), height: Finite(0.2) }
+        Cylinder {
+            foot: Vec3::new(foot.x, foot.y, 0.0),
+            radius: Finite(0.02),
+            height: Finite(0.2),
+        }
     };
     let body = |frame: u8, length: f64, radius: f64| Body {
         frame,
@@ -282,7 +334,10 @@ pub fn scene() -> Scene {
         start: frame.to_base([0.0, 0.0]),
         goal: frame.to_base([0.6, 0.0]),
         goal_tolerance: Finite(0.01),
-        workspace: Aabb { min: Vec3::new(0.25, -0.4, 0.05), max: Vec3::new(0.7, 0.4, 0.4) },
+        workspace: Aabb {
+            min: Vec3::new(0.25, -0.4, 0.05),
+            max: Vec3::new(0.7, 0.4, 0.4),
+        },
         period: PERIOD,
     }
 }
@@ -293,11 +348,23 @@ fn arm(tip: Vec3) -> ([Pose; LINKS], Pose) {
     let reach = wrist - shoulder;
     let up = (0.42_f64 * 0.42 - reach.dot(reach) / 4.0).max(0.0).sqrt();
     let elbow = shoulder + reach * 0.5 + Vec3::new(0.0, 0.0, up);
-    let upright = |position| Pose { position, orientation: [0.0, 0.0, 0.0, 1.0].map(Finite) };
+    let upright = |position| Pose {
+        position,
+        orientation: [0.0, 0.0, 0.0, 1.0].map(Finite),
+    };
     let upper = towards(shoulder, elbow);
     let fore = towards(elbow, wrist);
     let flange = upright(tip + Vec3::new(0.0, 0.0, 0.2));
-    let links = [upright(shoulder), upper, upper, fore, fore, upright(wrist), upright(wrist), flange];
+    let links = [
+        upright(shoulder),
+        upper,
+        upper,
+        fore,
+        fore,
+        upright(wrist),
+        upright(wrist),
+        flange,
+    ];
     (links, upright(tip))
 }
 
@@ -307,14 +374,22 @@ fn towards(from: Vec3, to: Vec3) -> Pose {
     let d = way * (1.0 / way.norm());
     let w = 1.0 + d.z;
     let norm = (d.x * d.x + d.y * d.y + w * w).sqrt();
-    Pose { position: from, orientation: [-d.y / norm, d.x / norm, 0.0, w / norm].map(Finite) }
+    Pose {
+        position: from,
+        orientation: [-d.y / norm, d.x / norm, 0.0, w / norm].map(Finite),
+    }
 }
 
 /// A state as the robot would say it, for tests of a single message.
 pub fn a_state(tick: u32, seq: u64) -> Envelope<State> {
     let script = Script::default();
     Envelope {
-        header: tandem_wire::Header { tick, session: Session(1), seq: Seq(seq), sent: Stamp(0) },
+        header: tandem_wire::Header {
+            tick,
+            session: Session(1),
+            seq: Seq(seq),
+            sent: Stamp(0),
+        },
         body: script.state(),
     }
 }

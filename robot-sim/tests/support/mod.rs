@@ -1,6 +1,11 @@
 //! A stage for the robot: scripted setpoints in, everything it says out.
 
-#![allow(dead_code, unreachable_pub, reason = "each test file uses its part of the stage")]
+#![allow(
+    dead_code,
+    unreachable_pub,
+    clippy::unwrap_used,
+    reason = "each test file uses its part of the stage; a helper of tests may fail like a test"
+)]
 
 use std::fmt::Write as _;
 
@@ -23,11 +28,19 @@ pub fn pressed(press: u32) -> Motion {
 }
 
 pub fn seen(seq: u64) -> Option<MessageId> {
-    Some(MessageId { session: ROBOT, seq: Seq(seq) })
+    Some(MessageId {
+        session: ROBOT,
+        seq: Seq(seq),
+    })
 }
 
 pub fn setpoint(seq: u64, tick: u32, motion: Motion, velocity: Vec3, seen: Option<MessageId>) -> Envelope<Setpoint> {
-    let header = Header { tick, session: ARBITER, seq: Seq(seq), sent: Stamp(0) };
+    let header = Header {
+        tick,
+        session: ARBITER,
+        seq: Seq(seq),
+        sent: Stamp(0),
+    };
     let body = Setpoint {
         velocity,
         motion,
@@ -46,15 +59,27 @@ pub fn setpoint(seq: u64, tick: u32, motion: Motion, velocity: Vec3, seen: Optio
 }
 
 pub fn begin(number: u32) -> Event {
-    trial(Trial::Begin { number, label: "a trial".into() })
+    trial(Trial::Begin {
+        number,
+        label: "a trial".into(),
+    })
 }
 
 pub fn end(number: u32) -> Event {
-    trial(Trial::End { number, outcome: "done".into() })
+    trial(Trial::End {
+        number,
+        outcome: "done".into(),
+    })
 }
 
 fn trial(body: Trial) -> Event {
-    Event::Trial(Envelope { header: Header { session: Session(9), ..Header::default() }, body })
+    Event::Trial(Envelope {
+        header: Header {
+            session: Session(9),
+            ..Header::default()
+        },
+        body,
+    })
 }
 
 /// The robot, its clock, and what it said.
@@ -95,7 +120,10 @@ impl Stage {
             match output {
                 Output::State(state) => self.states.push(state),
                 Output::Scene(scene) => {
-                    self.scenes.push(Envelope { header: scene.header, body: Scene::clone(&scene.body) });
+                    self.scenes.push(Envelope {
+                        header: scene.header,
+                        body: Scene::clone(&scene.body),
+                    });
                 }
             }
         }
@@ -115,7 +143,13 @@ impl Stage {
         self.sent += 1;
         let newest = self.states.last().map(|state| state.header);
         let tick = newest.map_or(0, |header| header.tick);
-        self.step(Event::Setpoint(setpoint(self.sent, tick, motion, velocity, newest.map(|header| header.id()))));
+        self.step(Event::Setpoint(setpoint(
+            self.sent,
+            tick,
+            motion,
+            velocity,
+            newest.map(|header| header.id()),
+        )));
         if self.pace == Pace::Lockstep {
             self.now = self.state().header.sent;
         }
@@ -145,7 +179,13 @@ impl Stage {
         for state in &self.states {
             let line = summary(&state.body);
             if line != last {
-                writeln!(text, "{:>6.0} ms  tick {:>2}  {line}", state.header.sent.seconds() * 1e3, state.header.tick).unwrap();
+                writeln!(
+                    text,
+                    "{:>6.0} ms  tick {:>2}  {line}",
+                    state.header.sent.seconds() * 1e3,
+                    state.header.tick
+                )
+                .unwrap();
                 last = line;
             }
         }
@@ -158,8 +198,22 @@ impl Stage {
         for state in self.states.iter().step_by(nth) {
             let (body, tool) = (&state.body, state.body.tool.position);
             let near = body.closest.map_or(f64::NAN, |closest| closest.distance.0);
-            write!(text, "{:>6.0} ms  tick {:>2}  ", state.header.sent.seconds() * 1e3, state.header.tick).unwrap();
-            write!(text, "({:.4} {:.4} {:.4})  {:.3} m/s  ", tool.x, tool.y, tool.z, body.tool_velocity.norm()).unwrap();
+            write!(
+                text,
+                "{:>6.0} ms  tick {:>2}  ",
+                state.header.sent.seconds() * 1e3,
+                state.header.tick
+            )
+            .unwrap();
+            write!(
+                text,
+                "({:.4} {:.4} {:.4})  {:.3} m/s  ",
+                tool.x,
+                tool.y,
+                tool.z,
+                body.tool_velocity.norm()
+            )
+            .unwrap();
             writeln!(text, "nearest {near:.4}  {}", summary(body)).unwrap();
         }
         text

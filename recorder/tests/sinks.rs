@@ -1,0 +1,110 @@
+//! Sinks that cannot be opened, are absent, or work.
+
+mod script;
+
+use std::time::Duration;
+
+use script::{record, session};
+use tandem_recorder::{Live, Notice, OpenError, Provenance, RecorderConfig, RecorderSettings, Sinks};
+use tandem_wire::Timing;
+
+fn open(settings: &RecorderSettings) -> Result<Sinks, OpenError> {
+    let provenance = Provenance {
+        robot: "panda".parse().unwrap(),
+        build: "test".into(),
+        epoch_unix_nanos: 0,
+    };
+    Sinks::open(
+        &RecorderConfig::new(settings).unwrap(),
+        Timing::default().lockstep(),
+        &provenance,
+    )
+}
+
+#[test]
+fn a_path_that_cannot_be_written_is_an_error_that_names_it() {
+    let path = "/nowhere/at/all.mcap".to_owned();
+    let error = open(&RecorderSettings {
+        path,
+        ..RecorderSettings::default()
+    })
+    .err()
+    .unwrap();
+    assert_eq!(
+        error.to_string(),
+        "the session file \"/nowhere/at/all.mcap\" cannot be written"
+    );
+    assert!(std::error::Error::source(&error).is_some());
+    let rrd = "/nowhere/at/all.rrd".to_owned();
+    let error = open(&RecorderSettings {
+        rrd,
+        ..RecorderSettings::default()
+    })
+    .err()
+    .unwrap();
+    assert_eq!(
+        error.to_string(),
+        "the Rerun recording \"/nowhere/at/all.rrd\" cannot be written"
+    );
+}
+
+#[test]
+fn a_session_goes_into_both_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mcap, rrd) = (folder.path().join("a.mcap"), folder.path().join("a.rrd"));
+    let mut sinks = open(&RecorderSettings {
+        path: mcap.to_str().unwrap().into(),
+        rrd: rrd.to_str().unwrap().into(),
+        ..RecorderSettings::default()
+    })
+    .unwrap();
+    for output in record(&session(), Timing::default().lockstep()) {
+        sinks.handle(output);
+    }
+    let closed = sinks.close(Duration::from_secs(20));
+    assert_eq!(closed.notices, []);
+    assert_eq!((closed.drops.session_file, closed.drops.views), (0, 0));
+    assert_eq!(
+        closed.sinks.iter().map(|sink| sink.path.clone()).collect::<Vec<_>>(),
+        [Some(mcap.clone()), Some(rrd.clone())]
+    );
+    assert!(closed.sinks.iter().all(|sink| sink.messages > Some(300)), "{closed:?}");
+    assert!(mcap::Summary::read(&std::fs::read(&mcap).unwrap()).unwrap().is_some());
+    assert!(std::fs::read(&rrd).unwrap().starts_with(b"RRF2"));
+}
+
+#[test]
+fn a_viewer_that_is_not_there_holds_nothing_up() {
+    // A port that was free a moment ago: nobody answers there.
+    let port = std::net::TcpListener::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap()
+        .port();
+    let folder = tempfile::tempdir().unwrap();
+    let mcap = folder.path().join("a.mcap");
+    let mut sinks = open(&RecorderSettings {
+        path: mcap.to_str().unwrap().into(),
+        live: Live::Connect,
+        viewer: format!("rerun+http://127.0.0.1:{port}/proxy"),
+        view_queue: 16,
+        ..RecorderSettings::default()
+    })
+    .unwrap();
+    for _ in 0..4 {
+        for output in record(&session(), Timing::default().lockstep()) {
+            sinks.handle(output);
+        }
+    }
+    let closed = sinks.close(Duration::from_millis(300));
+    assert_eq!(closed.sinks[0].dropped, 0, "{closed:?}");
+    assert!(closed.sinks[0].messages.is_some(), "{closed:?}");
+    assert!(closed.sinks[1].dropped > 0, "{closed:?}");
+    assert!(
+        closed
+            .notices
+            .iter()
+            .any(|notice| matches!(notice, Notice::Behind { .. })),
+        "{closed:?}"
+    );
+}

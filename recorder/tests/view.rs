@@ -1,0 +1,126 @@
+//! Which entities a session becomes.
+
+mod script;
+
+use std::collections::BTreeMap;
+
+use script::{record, session};
+use tandem_recorder::{Drawing, Drops, Output, View};
+use tandem_wire::Timing;
+
+fn drawn() -> Vec<Drawing> {
+    let timing = Timing::default().lockstep();
+    let mut view = View::new(timing);
+    let mut drawings = View::opening();
+    for output in record(&session(), timing) {
+        if let Output::Show(heard) = output {
+            view.draw(&heard, Drops::default(), &mut drawings);
+        }
+    }
+    drawings
+}
+
+#[test]
+fn a_session_becomes_these_entities() {
+    let mut times = BTreeMap::new();
+    for drawing in drawn() {
+        if drawing.moment.is_some() {
+            *times.entry(drawing.path).or_insert(0) += 1;
+        }
+    }
+    let lines: Vec<_> = times.iter().map(|(path, times)| format!("{path} {times}")).collect();
+    assert_eq!(lines, GOLDEN);
+}
+
+#[test]
+fn every_line_in_a_plot_has_a_name() {
+    let drawings = drawn();
+    let named: Vec<_> = drawings
+        .iter()
+        .filter(|d| d.moment.is_none())
+        .map(|d| d.path.as_str())
+        .collect();
+    let plotted = drawings
+        .iter()
+        .filter(|d| d.moment.is_some() && d.path.starts_with("plots/"));
+    for drawing in plotted {
+        assert!(named.contains(&drawing.path.as_str()), "{}", drawing.path);
+    }
+}
+
+#[test]
+fn a_state_costs_a_few_entities_however_long_the_path_is() {
+    let drawings = drawn();
+    let bytes = |drawing: &Drawing| -> usize {
+        drawing
+            .batches
+            .iter()
+            .map(|batch| batch.array.get_array_memory_size())
+            .sum()
+    };
+    let path: Vec<_> = drawings
+        .iter()
+        .filter(|drawing| drawing.path.starts_with("world/path"))
+        .collect();
+    assert!(path.len() > 50);
+    assert!(path.iter().all(|drawing| bytes(drawing) < 8192));
+}
+
+/// Entity, and how often it is drawn.
+const GOLDEN: &[&str] = &[
+    "lanes/driver 5",
+    "lanes/held 4",
+    "lanes/trial 2",
+    "log 8",
+    "plan/forecast 1",
+    "plan/forecast/edges 1",
+    "plan/forecast/interval 1",
+    "plan/forecast/line 1",
+    "plan/goal 1",
+    "plan/obstacles 1",
+    "plan/path 1",
+    "plan/path/0 64",
+    "plan/path/1 9",
+    "plan/start 1",
+    "plan/tool 83",
+    "plan/wish/human 84",
+    "plan/wish/result 84",
+    "plan/wish/robot 84",
+    "plan/workspace 1",
+    "plots/across/forecast 43",
+    "plots/across/high 43",
+    "plots/across/low 43",
+    "plots/across/tool 43",
+    "plots/clearance 84",
+    "plots/driver/held 8",
+    "plots/driver/human 39",
+    "plots/driver/shared 37",
+    "plots/effort/human 84",
+    "plots/effort/robot 43",
+    "plots/effort/tool 84",
+    "plots/interval/x 43",
+    "plots/interval/y 43",
+    "plots/latency 75",
+    "plots/lost/dropped_file 9",
+    "plots/lost/dropped_view 9",
+    "plots/lost/missed 9",
+    "plots/lost/unreadable 9",
+    "plots/ratio/high 43",
+    "plots/ratio/now 43",
+    "plots/weight/human 168",
+    "world/arm 83",
+    "world/forecast 1",
+    "world/forecast/interval 1",
+    "world/forecast/line 1",
+    "world/goal 1",
+    "world/obstacles 1",
+    "world/path 1",
+    "world/path/0 64",
+    "world/path/1 9",
+    "world/start 1",
+    "world/tool 83",
+    "world/wish/human 84",
+    "world/wish/result 84",
+    "world/wish/robot 84",
+    "world/workspace 1",
+];
