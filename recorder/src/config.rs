@@ -24,6 +24,9 @@ settings! {
         pub path: String = "";
         /// The Rerun recording (.rrd); nothing is written if this is empty.
         pub rrd: String = "";
+        /// Whether the Rerun recording ends with an index, which makes it quick to jump in and is kept in memory until
+        /// then: some 16 MiB a minute at 50 Hz. For sessions of hours, leave it out; `rerun rrd optimize` adds it later.
+        pub rrd_index: bool = true;
         /// The live Rerun viewer to feed.
         pub live: Live = Live::None;
         /// Where a viewer listens, for live = "connect".
@@ -74,6 +77,7 @@ pub enum ViewTarget {
 pub struct RecorderConfig {
     pub(crate) session_file: Option<PathBuf>,
     pub(crate) views: Vec<ViewTarget>,
+    pub(crate) rrd_index: bool,
     pub(crate) flush: Duration,
     pub(crate) chunk_bytes: u64,
     pub(crate) file_queue: usize,
@@ -105,6 +109,7 @@ impl RecorderConfig {
         Ok(Self {
             session_file,
             views: rrd.map(ViewTarget::Save).into_iter().chain(live).collect(),
+            rrd_index: settings.rrd_index,
             flush: Duration::from_millis(settings.flush_ms),
             chunk_bytes: settings.chunk_kib << 10,
             file_queue: settings.file_queue,

@@ -291,7 +291,9 @@ fn open_view(
     let kind = feed::Kind::View;
     match target {
         ViewTarget::Save(path) => {
-            let sink = StreamSink::save(path, timing, provenance)?;
+            let flush = rerun_stream::FILE_BATCH;
+            let limits = feed::Limits { flush, ..limits };
+            let sink = StreamSink::save(path, config.rrd_index, timing, provenance)?;
             Feed::start("the Rerun recording", Some(path.clone()), kind, limits, shared, sink)
         }
         ViewTarget::Connect(url) => {

@@ -17,7 +17,7 @@ const EPOCH: u64 = 1_760_000_000_000_000_000;
 
 fn provenance() -> Provenance {
     Provenance {
-        robot: "panda".parse().unwrap(),
+        robot: "panda".parse().expect("a valid name"),
         build: "test".into(),
         epoch_unix_nanos: EPOCH,
     }
@@ -54,18 +54,20 @@ fn written() -> (Vec<u8>, Vec<(u64, usize)>) {
         file: Cursor::new(Vec::new()),
         length: Rc::clone(&length),
     };
-    let mut file = SessionFile::begin(watched, 64 << 10, provenance()).unwrap();
+    let mut file = SessionFile::begin(watched, 64 << 10, provenance()).expect("memory takes it");
     let mut flushes = Vec::new();
     for (index, output) in record(&session(), Timing::default().lockstep()).iter().enumerate() {
         if let Output::Write(heard) = output {
-            file.write(heard, Drops::default()).unwrap();
+            file.write(heard, Drops::default()).expect("memory takes it");
         }
         if index % 50 == 49 {
-            file.flush().unwrap();
+            file.flush().expect("memory takes it");
             flushes.push((file.messages(), length.get()));
         }
     }
-    let (_, watched) = file.close(&Counts::default(), Drops::default()).unwrap();
+    let (_, watched) = file
+        .close(&Counts::default(), Drops::default())
+        .expect("memory takes it");
     (watched.file.into_inner(), flushes)
 }
 

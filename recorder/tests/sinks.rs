@@ -10,12 +10,12 @@ use tandem_wire::Timing;
 
 fn open(settings: &RecorderSettings) -> Result<Sinks, OpenError> {
     let provenance = Provenance {
-        robot: "panda".parse().unwrap(),
+        robot: "panda".parse().expect("a valid name"),
         build: "test".into(),
         epoch_unix_nanos: 0,
     };
     Sinks::open(
-        &RecorderConfig::new(settings).unwrap(),
+        &RecorderConfig::new(settings).expect("settings that fit together"),
         Timing::default().lockstep(),
         &provenance,
     )

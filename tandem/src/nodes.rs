@@ -261,6 +261,9 @@ impl Parts {
         let local = move |_, output| {
             if let Ok(mut sinks) = shared.lock() {
                 sinks.handle(output);
+                for notice in sinks.notices() {
+                    eprintln!("recorder: {notice}");
+                }
             }
         };
         let node = spawn(link, Recorder::new(self.timing), self.options::<Recorder>(), local)?;
@@ -291,7 +294,7 @@ impl Process {
         select! {
             recv(opened) -> link => {
                 let link = link.context("the connection attempt ended without a result")??;
-                eprintln!("{name}: connected, robot {:?}; Ctrl-C ends it", link.robot().as_str());
+                eprintln!("{name}: ready, robot {:?}; Ctrl-C ends it", link.robot().as_str());
                 Ok(Some(Self { link, interrupted }))
             }
             recv(interrupted) -> _ => Ok(None),

@@ -47,7 +47,7 @@ fn check<M: Message + Clone + PartialEq + std::fmt::Debug>(body: M) -> String {
     let with = |at: usize, value: u8| {
         let mut changed = bytes.clone();
         changed[at] = value;
-        decode::<M>(&changed).unwrap_err()
+        decode::<M>(&changed).expect_err("refused")
     };
     assert_eq!(with(0, VERSION + 1), Malformed::Version(VERSION + 1));
     assert_eq!(

@@ -20,8 +20,8 @@ const APPLICATION: &str = "tandem";
 /// How long rows may wait to be sent together to a viewer. Every batch of an entity costs about a kilobyte of its own,
 /// so at 50 Hz the SDK's eight milliseconds would send more envelope than letter; a tenth of a second nobody notices.
 const LIVE_BATCH: Duration = Duration::from_millis(100);
-/// The same for a file: larger batches make it smaller, and half a second is what a crash may cost anyway.
-const FILE_BATCH: Duration = Duration::from_millis(500);
+/// The same for a file: larger batches make it and its index smaller, and a second is what a crash may cost.
+pub(super) const FILE_BATCH: Duration = Duration::from_secs(1);
 /// What may be on its way inside the SDK. Its default of 100 MiB would be most of our memory while a viewer is frozen.
 const IN_FLIGHT_BYTES: u64 = 4 << 20;
 
@@ -33,16 +33,21 @@ pub(super) struct StreamSink {
 }
 
 impl StreamSink {
-    /// An `.rrd` file, replacing one that is there.
-    pub(super) fn save(path: &Path, timing: Timing, provenance: &Provenance) -> Result<Self, OpenError> {
+    /// An `.rrd` file, replacing one that is there. Its index is kept in memory until the end.
+    pub(super) fn save(
+        path: &Path,
+        has_index: bool,
+        timing: Timing,
+        provenance: &Provenance,
+    ) -> Result<Self, OpenError> {
         // The SDK's own error does not tell a missing folder from a missing permission.
         File::create(path).map_err(|source| OpenError::Recording {
             path: path.to_owned(),
             source,
         })?;
-        // The footer needs a record of every batch in memory until the end: a megabyte a second, measured. Viewers read
-        // the file without it, and `rerun rrd optimize` adds it.
-        let options = FileSinkOptions { write_footer: false };
+        let options = FileSinkOptions {
+            write_footer: has_index,
+        };
         let sink = FileSink::with_options(path, options).map_err(|source| OpenError::View {
             source: Box::new(source.into()),
         })?;

@@ -13,20 +13,23 @@ use tandem_wire::{
     TaskFrame, Timing, Topic, Trial, Used, Vec3, encode,
 };
 
-pub const PERIOD: u64 = 100_000_000;
-pub const STEPS: u32 = 84;
+pub(crate) const PERIOD: u64 = 100_000_000;
+pub(crate) const STEPS: u32 = 84;
 const CHECKPOINT: u32 = 41;
+/// The frame behind the links is the tool's.
+const TOOL_FRAME: u8 = 8;
+const _: () = assert!(TOOL_FRAME as usize == LINKS);
 const SILENCE: std::ops::Range<u32> = 62..68;
 
 /// One sample as it travels, and when it arrives.
-pub struct Sample {
-    pub at: Stamp,
-    pub topic: Topic,
-    pub bytes: Vec<u8>,
+pub(crate) struct Sample {
+    pub(crate) at: Stamp,
+    pub(crate) topic: Topic,
+    pub(crate) bytes: Vec<u8>,
 }
 
 /// The whole session.
-pub fn session() -> Vec<Sample> {
+pub(crate) fn session() -> Vec<Sample> {
     let mut script = Script::default();
     script.begin();
     for tick in 0..STEPS {
@@ -38,7 +41,7 @@ pub fn session() -> Vec<Sample> {
 }
 
 /// Feeds the samples to a recorder and collects its outputs, the final counts included.
-pub fn record(samples: &[Sample], timing: Timing) -> Vec<Output> {
+pub(crate) fn record(samples: &[Sample], timing: Timing) -> Vec<Output> {
     let mut recorder = Recorder::new(timing);
     let (mut outbox, mut outputs) = (Outbox::default(), Vec::new());
     let mut last = Stamp(0);
@@ -306,7 +309,7 @@ fn guidance(step: f64, tool: Vec3) -> Guidance {
     }
 }
 
-pub fn scene() -> Scene {
+pub(crate) fn scene() -> Scene {
     let frame = TaskFrame::default();
     let cylinder = |x: f64| {
         let foot = frame.to_base([x, 0.0]);
@@ -329,7 +332,7 @@ pub fn scene() -> Scene {
             body(1, 0.42, 0.06),
             body(3, 0.42, 0.05),
             body(5, -0.1, 0.045),
-            body(LINKS as u8, 0.2, 0.005),
+            body(TOOL_FRAME, 0.2, 0.005),
         ],
         start: frame.to_base([0.0, 0.0]),
         goal: frame.to_base([0.6, 0.0]),
@@ -381,7 +384,7 @@ fn towards(from: Vec3, to: Vec3) -> Pose {
 }
 
 /// A state as the robot would say it, for tests of a single message.
-pub fn a_state(tick: u32, seq: u64) -> Envelope<State> {
+pub(crate) fn a_state(tick: u32, seq: u64) -> Envelope<State> {
     let script = Script::default();
     Envelope {
         header: tandem_wire::Header {
