@@ -134,7 +134,9 @@ fn five_processes_drive_to_the_goal_whoever_starts_first() {
     let counts = channels(&session);
     for channel in ["command", "proposal", "setpoint", "state"] {
         assert!(
-            counts.get(channel).is_some_and(|count| *count > 50),
+            counts
+                .get(&format!("tandem/five/{channel}"))
+                .is_some_and(|count| *count > 50),
             "{channel} is recorded: {counts:?}"
         );
     }
