@@ -53,7 +53,7 @@ pub(crate) struct DemoFlags {
     /// Seed of the simulated human.
     #[arg(long)]
     seed: Option<u64>,
-    /// The session file; the Rerun recording goes beside it [default: sessions/demo-<time>.mcap].
+    /// The session file; the Rerun recording goes beside it [default: sessions/demo-SECONDS.mcap].
     #[arg(long, value_name = "PATH")]
     record: Option<PathBuf>,
     /// Shows the run live in the Rerun viewer.
