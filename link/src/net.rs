@@ -35,7 +35,7 @@ pub enum LinkError {
         endpoint: String,
     },
     /// Zenoh would not open the session.
-    #[error("cannot open a Zenoh session (listen {listen:?}, connect {connect:?}): {reason}")]
+    #[error("cannot open a Zenoh session (listen {listen:?}, connect {connect:?}): {reason}{}", advice(.reason))]
     Open {
         /// Where it was to listen.
         listen: Vec<String>,
@@ -60,6 +60,22 @@ pub enum LinkError {
     Robot(#[from] tandem_wire::keys::BadRobotName),
 }
 
+impl LinkError {
+    /// Whether what was asked for cannot be, rather than what was tried went wrong.
+    #[must_use]
+    pub const fn is_bad_usage(&self) -> bool {
+        matches!(self, Self::Exposed { .. } | Self::Endpoint { .. } | Self::Robot(_))
+    }
+}
+
+fn advice(reason: &str) -> &'static str {
+    if reason.contains("Address already in use") {
+        "; another program listens there: choose another port, or end that program"
+    } else {
+        ""
+    }
+}
+
 /// One Zenoh session, talking about one robot.
 #[derive(Clone, Debug)]
 pub struct Link {
@@ -82,6 +98,9 @@ impl Link {
         };
         for endpoint in &settings.listen {
             check_listen(endpoint, settings.insecure)?;
+        }
+        for endpoint in &settings.connect {
+            host(endpoint)?;
         }
         Self::open_session(robot, &settings.listen, connect)
     }
@@ -111,7 +130,7 @@ impl Link {
             Err(error) => Err(LinkError::Open {
                 listen: listen.to_vec(),
                 connect: connect.to_vec(),
-                reason: error.to_string(),
+                reason: plain(&error),
             }),
         }
     }
@@ -135,6 +154,11 @@ impl Link {
     pub(crate) fn publisher(&self, topic: Topic, pace: Pace) -> Result<Publisher<'static>, LinkError> {
         let key = topic.key(&self.robot);
         let (priority, congestion, express) = quality(topic.delivery(), pace);
+        // A node's thread must not wait for a peer that is slow to take an event: Zenoh would let it, for five seconds.
+        let congestion = match pace {
+            Pace::Real => CongestionControl::Drop,
+            Pace::Lockstep => congestion,
+        };
         let built = self.session.declare_publisher(key.clone());
         built
             .priority(priority)
@@ -163,7 +187,7 @@ impl Link {
 pub(crate) fn declare(key: &str, error: &zenoh::Error) -> LinkError {
     LinkError::Declare {
         key: key.to_owned(),
-        reason: error.to_string(),
+        reason: plain(error),
     }
 }
 
@@ -199,19 +223,7 @@ fn configuration(listen: &[String], connect: &[String]) -> zenoh::Result<zenoh::
 }
 
 fn check_listen(endpoint: &str, insecure: bool) -> Result<(), LinkError> {
-    let wrong = || LinkError::Endpoint {
-        endpoint: endpoint.to_owned(),
-    };
-    let (protocol, address) = endpoint.split_once('/').ok_or_else(wrong)?;
-    if !["tcp", "udp", "tls"].contains(&protocol) {
-        return Err(wrong());
-    }
-    let address = address.split(['#', '?']).next().unwrap_or(address);
-    let (host, port) = address.rsplit_once(':').ok_or_else(wrong)?;
-    if port.parse::<u16>().is_err() {
-        return Err(wrong());
-    }
-    let host = host.trim_start_matches('[').trim_end_matches(']');
+    let host = host(endpoint)?;
     let loopback = host == "localhost" || host.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback());
     if loopback || insecure {
         Ok(())
@@ -220,6 +232,33 @@ fn check_listen(endpoint: &str, insecure: bool) -> Result<(), LinkError> {
             endpoint: endpoint.to_owned(),
         })
     }
+}
+
+/// The host of an endpoint that is spelled right.
+fn host(endpoint: &str) -> Result<&str, LinkError> {
+    let wrong = || LinkError::Endpoint {
+        endpoint: endpoint.to_owned(),
+    };
+    let (protocol, address) = endpoint.split_once('/').ok_or_else(wrong)?;
+    let address = address.split(['#', '?']).next().unwrap_or(address);
+    let (host, port) = address.rsplit_once(':').ok_or_else(wrong)?;
+    if ["tcp", "udp", "tls"].contains(&protocol) && port.parse::<u16>().is_ok() && !host.is_empty() {
+        Ok(host.trim_start_matches('[').trim_end_matches(']'))
+    } else {
+        Err(wrong())
+    }
+}
+
+/// What Zenoh said, without the places in its sources that it names.
+fn plain(error: &zenoh::Error) -> String {
+    let said = error.to_string();
+    let words: Vec<&str> = said.split(' ').collect();
+    let is_place = |word: &str| word.contains(".rs:");
+    let kept = words.iter().enumerate().filter(|(index, word)| {
+        let before_place = **word == "at" && words.get(index + 1).is_some_and(|next| is_place(next));
+        !before_place && !is_place(word)
+    });
+    kept.map(|(_, word)| *word).collect::<Vec<_>>().join(" ")
 }
 
 /// A port that was free a moment ago.

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded};
 use tandem_wire::{
@@ -13,7 +14,7 @@ use tandem_wire::{
 use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::{Publisher, Subscriber};
-use zenoh::query::Queryable;
+use zenoh::query::{Query, Queryable};
 use zenoh::sample::{Sample, SampleKind};
 
 use crate::Clock;
@@ -22,6 +23,12 @@ use crate::net::{Link, LinkError, QUERY_TIMEOUT, declare};
 
 /// Inputs that may wait for a node. In real time more are dropped and counted; a node that far behind is lost anyway.
 const QUEUE: usize = 4096;
+
+/// In lockstep this much silence after a node's own word means that somebody does not answer.
+const SILENCE: Duration = Duration::from_secs(2);
+
+/// Questions for a node's configuration that may wait for their answers.
+const QUERIES: usize = 16;
 
 /// What the shell needs to know besides the node.
 #[derive(Clone, Debug)]
@@ -39,10 +46,12 @@ pub struct ShellOptions {
 pub struct Report {
     /// Steps taken.
     pub steps: u64,
-    /// Inputs dropped because the node could not keep up.
+    /// Inputs dropped because the node could not keep up, or took them up too late.
     pub dropped: u64,
     /// The journal.
     pub journal: JournalReport,
+    /// In lockstep: the node that was waited for in vain, if that ended the run.
+    pub awaited: Option<NodeName>,
 }
 
 /// A node at work on its own thread.
@@ -94,21 +103,29 @@ impl Device {
             .try_send(Item::Sample {
                 topic: Topic::Device,
                 bytes,
+                arrived: Clock::of_process().now(),
             })
             .is_ok()
     }
 }
 
 enum Item {
-    Sample { topic: Topic, bytes: Vec<u8> },
-    Presence { peer: NodeName, alive: bool },
+    Sample {
+        topic: Topic,
+        bytes: Vec<u8>,
+        arrived: Stamp,
+    },
+    Presence {
+        peer: NodeName,
+        alive: bool,
+    },
     Stop,
 }
 
 impl Item {
     fn input(&self) -> Input<'_> {
         match self {
-            Self::Sample { topic, bytes } => Input::Sample { topic: *topic, bytes },
+            Self::Sample { topic, bytes, .. } => Input::Sample { topic: *topic, bytes },
             Self::Presence { peer, alive } => Input::Presence {
                 peer: *peer,
                 alive: *alive,
@@ -169,13 +186,16 @@ where
         outbox: Outbox::default(),
         bytes: Vec::new(),
         steps: 0,
+        late: 0,
+        spoke: false,
+        ticks: lockstep_streams::<N>(),
     };
     let thread = std::thread::Builder::new()
         .name(N::NAME.as_str().into())
         .spawn(move || {
             let mut report = shell.live(&receiver);
             drop(declared);
-            report.dropped = dropped.load(Ordering::Relaxed);
+            report.dropped += dropped.load(Ordering::Relaxed);
             report
         })
         .map_err(thread_refused)?;
@@ -202,10 +222,9 @@ impl Entrance {
     }
 
     fn sample(&self, topic: Topic, sample: &Sample) {
-        self.put(Item::Sample {
-            topic,
-            bytes: sample.payload().to_bytes().into_owned(),
-        });
+        let bytes = sample.payload().to_bytes().into_owned();
+        let arrived = Clock::of_process().now();
+        self.put(Item::Sample { topic, bytes, arrived });
     }
 }
 
@@ -245,7 +264,8 @@ impl Declared {
     }
 }
 
-/// Answers whoever asks who this node is.
+/// Answers whoever asks who this node is, on a thread of its own: a model takes its time on a thin line, and Zenoh's
+/// thread, on which a query arrives, is the one that brings states and commands.
 fn answer_info<N: Ports>(link: &Link, options: &ShellOptions) -> Result<Queryable<()>, LinkError> {
     let key = Topic::Info(N::NAME).key(&link.robot);
     let mut bytes = Vec::new();
@@ -253,9 +273,22 @@ fn answer_info<N: Ports>(link: &Link, options: &ShellOptions) -> Result<Queryabl
     let envelope: Envelope<NodeInfo> = numbering.envelope(Clock::of_process().now(), 0, options.info.clone());
     encode(&envelope, &mut bytes);
     let reply_key = key.clone();
+    let (asked, queries) = bounded::<Query>(QUERIES);
+    let answer = move || {
+        for query in queries {
+            // Whoever asked and went away needs no answer.
+            let _ = query.reply(&reply_key, bytes.as_slice()).wait();
+        }
+    };
+    // It ends with the queryable, which drops the sender.
+    let thread = std::thread::Builder::new().name("info".into()).spawn(answer);
+    thread.map_err(|error| LinkError::Declare {
+        key: key.clone(),
+        reason: error.to_string(),
+    })?;
     let queryable = link.session.declare_queryable(&key).callback(move |query| {
-        // Whoever asked and went away needs no answer.
-        let _ = query.reply(&reply_key, bytes.as_slice()).wait();
+        // Where so many are waiting, one more may ask again.
+        let _ = asked.try_send(query);
     });
     queryable.wait().map_err(|error| declare(&key, &error))
 }
@@ -294,6 +327,26 @@ fn watch_presence<N: Ports>(link: &Link, entrance: &Entrance) -> Result<Subscrib
     subscriber.wait().map_err(|error| declare(&key, &error))
 }
 
+/// What a shell does next.
+enum Next {
+    /// Takes up an input.
+    Item(Item),
+    /// Wakes the node.
+    Deadline,
+    /// Gives up: in lockstep nobody has said anything for [`SILENCE`].
+    Silence,
+}
+
+/// Who makes a stream.
+const fn maker(topic: Topic) -> NodeName {
+    match topic {
+        Topic::Proposal => NodeName::Predictor,
+        Topic::Setpoint => NodeName::Arbiter,
+        Topic::State => NodeName::RobotSim,
+        _ => NodeName::Operator,
+    }
+}
+
 struct Shell<N: Node, F> {
     node: N,
     options: ShellOptions,
@@ -305,26 +358,60 @@ struct Shell<N: Node, F> {
     outbox: Outbox<N::Output>,
     bytes: Vec<u8>,
     steps: u64,
+    late: u64,
+    spoke: bool,
+    ticks: Vec<(Topic, u32)>,
 }
 
 impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
     fn live(mut self, receiver: &Receiver<Item>) -> Report {
-        let waited = self.await_peers(receiver);
-        for item in waited {
-            if self.take(&item) {
-                return self.end();
-            }
-        }
+        let mut waited = self.await_peers(receiver);
         loop {
-            match self.next(receiver) {
-                Some(item) => {
-                    if self.take(&item) {
-                        return self.end();
+            match waited.pop_front().map_or_else(|| self.next(receiver), Next::Item) {
+                Next::Item(item) if self.is_late(&item) => self.late += 1,
+                Next::Item(item) => {
+                    self.note_tick(&item);
+                    self.step(item.input());
+                    if matches!(item, Item::Stop) {
+                        return self.end(None);
                     }
                 }
-                None => self.step(Input::Wake),
+                Next::Deadline => self.step(Input::Wake),
+                Next::Silence => {
+                    let awaited = self.awaited();
+                    self.step(Input::Stop);
+                    return self.end(Some(awaited));
+                }
             }
         }
+    }
+
+    /// Whether a stream's sample has waited here for so long that the stream counts as lost. It would look fresh to the
+    /// node, which is stepped with the time at which it takes a sample up.
+    fn is_late(&self, item: &Item) -> bool {
+        let Item::Sample { topic, arrived, .. } = item else {
+            return false;
+        };
+        let timing = &self.options.timing;
+        timing.pace == Pace::Real
+            && topic.delivery() == Delivery::Stream
+            && self.clock.now().since(*arrived) > timing.stream_timeout()
+    }
+
+    /// In lockstep: how far each of the streams that this node listens to has come.
+    fn note_tick(&mut self, item: &Item) {
+        if let Item::Sample { topic, bytes, .. } = item
+            && let Some((_, tick)) = self.ticks.iter_mut().find(|(name, _)| name == topic)
+            && let Ok((_, header)) = codec::peek(bytes)
+        {
+            *tick = header.tick;
+        }
+    }
+
+    /// Who makes the stream that is farthest behind.
+    fn awaited(&self) -> NodeName {
+        let behind = self.ticks.iter().min_by_key(|(_, tick)| *tick);
+        behind.map_or(N::NAME, |(topic, _)| maker(*topic))
     }
 
     /// In lockstep nothing may be published before those who must answer are there.
@@ -345,27 +432,22 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
         waiting
     }
 
-    /// The next item, or `None` when the node's deadline comes first.
-    fn next(&self, receiver: &Receiver<Item>) -> Option<Item> {
-        let deadline = match self.options.timing.pace {
-            Pace::Real => self.node.deadline().map(|stamp| self.clock.instant(stamp)),
-            Pace::Lockstep => None,
+    fn next(&self, receiver: &Receiver<Item>) -> Next {
+        let received = match self.options.timing.pace {
+            Pace::Real => match self.node.deadline() {
+                Some(stamp) => receiver.recv_deadline(self.clock.instant(stamp)),
+                None => receiver.recv().map_err(RecvTimeoutError::from),
+            },
+            // Before its first word a node may wait for a trial as long as it takes.
+            Pace::Lockstep if self.spoke => receiver.recv_timeout(SILENCE),
+            Pace::Lockstep => receiver.recv().map_err(RecvTimeoutError::from),
         };
-        let received = match deadline {
-            Some(deadline) => receiver.recv_deadline(deadline),
-            None => receiver.recv().map_err(RecvTimeoutError::from),
-        };
-        match received {
-            Ok(item) => Some(item),
-            Err(RecvTimeoutError::Timeout) => None,
-            Err(RecvTimeoutError::Disconnected) => Some(Item::Stop),
+        match (received, self.options.timing.pace) {
+            (Ok(item), _) => Next::Item(item),
+            (Err(RecvTimeoutError::Timeout), Pace::Real) => Next::Deadline,
+            (Err(RecvTimeoutError::Timeout), Pace::Lockstep) => Next::Silence,
+            (Err(RecvTimeoutError::Disconnected), _) => Next::Item(Item::Stop),
         }
-    }
-
-    /// Steps the node with an item; says whether it was the last.
-    fn take(&mut self, item: &Item) -> bool {
-        self.step(item.input());
-        matches!(item, Item::Stop)
     }
 
     fn step(&mut self, input: Input<'_>) {
@@ -382,7 +464,10 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
         self.steps += 1;
         for output in self.outbox.drain() {
             if let Some(topic) = N::sample(&output, &mut self.bytes) {
-                // Publish first: nothing that is only for the record may delay the robot.
+                self.spoke = true;
+                // Publish first: nothing that is only for the record may delay the robot. The clock is read before,
+                // for a latency that begins when publishing ends would be too short.
+                let wall = self.clock.now();
                 let published = self.publishers.iter().find(|(name, _)| *name == topic);
                 if let Some((_, publisher)) = published {
                     // A closed session is noticed by everyone's timeouts.
@@ -391,7 +476,7 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
                 if let Some(journal) = &mut self.journal {
                     journal.write(
                         now,
-                        self.clock.now(),
+                        wall,
                         Happening::Output {
                             topic,
                             bytes: self.bytes.clone(),
@@ -403,14 +488,22 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
         }
     }
 
-    fn end(self) -> Report {
-        let journal = self.journal.map(Journal::close).unwrap_or_default();
+    fn end(self, awaited: Option<NodeName>) -> Report {
         Report {
             steps: self.steps,
-            dropped: 0,
-            journal,
+            dropped: self.late,
+            journal: self.journal.map(Journal::close).unwrap_or_default(),
+            awaited,
         }
     }
+}
+
+/// The streams whose ticks lockstep waits for.
+fn lockstep_streams<N: Ports>() -> Vec<(Topic, u32)> {
+    let streams = N::INPUTS
+        .iter()
+        .filter(|topic| topic.delivery() == Delivery::Stream && **topic != Topic::Device);
+    streams.map(|&topic| (topic, 0)).collect()
 }
 
 /// Lockstep's now: the tick in the header times the period. What has no header happens at the tick that is current.

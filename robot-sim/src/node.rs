@@ -73,11 +73,15 @@ struct Running {
     number: u32,
     /// The tick at which it began.
     start: u32,
-    /// Who began the last one and what its number was, so that a straggler begins nothing.
-    latest: Option<(Session, u32)>,
+    /// Who began trials, last one first, and the number of each one's newest, so that a straggler begins nothing.
+    begun: [Option<(Session, u32)>; BEGINNERS],
     /// Begins as soon as the arm stands.
     pending: Option<u32>,
 }
+
+/// So many senders of trials are remembered. Two that repeat their marks, each for those who come late, must not begin
+/// their trials over and over in turn.
+const BEGINNERS: usize = 8;
 
 /// How often the scene is repeated in real time, for those who come late.
 const SCENE_PERIOD: u64 = 1000 * MILLISECOND;
@@ -144,24 +148,18 @@ impl RobotSim {
     fn on_trial(&mut self, trial: &Envelope<Trial>) {
         let session = trial.header.session;
         match trial.body {
-            Trial::Begin { number, .. } if number > 0 && self.is_new(session, number) => {
-                self.trial.latest = Some((session, number));
+            Trial::Begin { number, .. } if number > 0 && self.trial.is_new(session, number) => {
+                self.trial.note(session, number);
                 self.trial.pending = Some(number);
                 self.end_trial();
             }
-            Trial::End { number, .. } if self.trial.latest == Some((session, number)) => {
+            Trial::End { number, .. } if self.trial.begun[0] == Some((session, number)) => {
                 self.trial.pending = None;
                 self.end_trial();
             }
             // A repetition for late joiners, or a straggler.
             Trial::Begin { .. } | Trial::End { .. } => {}
         }
-    }
-
-    fn is_new(&self, session: Session, number: u32) -> bool {
-        self.trial
-            .latest
-            .is_none_or(|(last_session, last)| session != last_session || number > last)
     }
 
     fn on_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
@@ -288,6 +286,22 @@ impl RobotSim {
             Pace::Real => now.max(self.inner.time()),
             Pace::Lockstep => Stamp::of_tick(self.tick, self.timing.period),
         }
+    }
+}
+
+impl Running {
+    fn is_new(&self, session: Session, number: u32) -> bool {
+        let mut begun = self.begun.iter().flatten();
+        begun.all(|&(known, newest)| session != known || number > newest)
+    }
+
+    fn note(&mut self, session: Session, number: u32) {
+        let known = self
+            .begun
+            .iter()
+            .position(|at| at.is_some_and(|(known, _)| known == session));
+        self.begun[..=known.unwrap_or(BEGINNERS - 1)].rotate_right(1);
+        self.begun[0] = Some((session, number));
     }
 }
 

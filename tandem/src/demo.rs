@@ -21,8 +21,10 @@ use crate::{Outcome, interrupt, shipped, table};
 
 /// A trial that has not ended by now is stopped.
 const TICKS_MAX: u32 = 200;
-/// In lockstep, this long without a message means that somebody does not answer.
+/// This long without a state means that somebody does not answer. In real time the others talk on without the robot.
 const STALL: Duration = Duration::from_secs(2);
+/// How long the last words may be on their way.
+const DRAINING: Duration = Duration::from_secs(1);
 /// How long the nodes may take to find each other.
 const GATHERING: Duration = Duration::from_secs(10);
 
@@ -81,27 +83,30 @@ pub(crate) fn run(flags: &DemoFlags) -> anyhow::Result<Outcome> {
     let team = Team::start(&parts, sinks, &edge, &remote)?;
 
     let mut watch = Watch::new(observer, pace, ProgressBar::new(84));
-    watch.gather()?;
     let mut trial = TrialMarks::new(edge.clone());
-    trial.mark(Trial::Begin {
+    let begin = Trial::Begin {
         number: 1,
         label: "demo".into(),
-    })?;
-    let ended = watch.until_over(&interrupted);
+    };
+    // However it ends, the recorder is closed before anybody hears of it: that is when the file is wanted.
+    let ended = watch
+        .gather()
+        .and_then(|()| trial.mark(begin))
+        .and_then(|()| watch.until_over(&interrupted));
     let outcome = if watch.summary.figures().reached_goal {
         "goal reached"
     } else {
         "goal not reached"
     };
-    trial.mark(Trial::End {
+    let marked = trial.mark(Trial::End {
         number: 1,
         outcome: outcome.into(),
-    })?;
-    let closed = team.stop()?;
-    watch.drain();
+    });
+    let closed = team.stop(&mut watch)?;
     remote.close();
     edge.close();
     ended?;
+    marked?;
 
     let report = Report {
         figures: watch.summary.figures(),
@@ -157,14 +162,23 @@ impl Team {
         Ok(Self { players, recorder })
     }
 
-    fn stop(self) -> anyhow::Result<Closed> {
+    /// Ends the players, waits for the ends of their journals, and ends the recorder.
+    fn stop(self, watch: &mut Watch) -> anyhow::Result<Closed> {
+        let mut panicked = false;
+        let mut entries = 0;
         for node in self.players {
             node.stop();
-            if node.join().is_none() {
-                bail!("a node panicked: please report this with the session file");
+            match node.join() {
+                Some(report) => entries += report.journal.entries - report.journal.lost,
+                None => panicked = true,
             }
         }
-        self.recorder.stop()
+        watch.drain(entries);
+        let closed = self.recorder.stop()?;
+        if panicked {
+            bail!("a node panicked: please report this with the session file");
+        }
+        Ok(closed)
     }
 }
 
@@ -175,7 +189,11 @@ struct Watch {
     bar: ProgressBar,
     summary: Summary,
     latency: Latency,
+    /// Journal entries seen, of all nodes.
+    journalled: u64,
     newest: [u32; 4],
+    /// When the last state came.
+    progressed: Instant,
 }
 
 /// Whose message of a tick is awaited, in the order in which they follow each other.
@@ -196,7 +214,9 @@ impl Watch {
             bar,
             summary: Summary::default(),
             latency: Latency::default(),
+            journalled: 0,
             newest: [0; 4],
+            progressed: Instant::now(),
         }
     }
 
@@ -215,27 +235,28 @@ impl Watch {
     }
 
     fn until_over(&mut self, interrupted: &crossbeam_channel::Receiver<()>) -> anyhow::Result<()> {
+        self.progressed = Instant::now();
         while !self.summary.is_over() && self.summary.ticks() < TICKS_MAX {
             if interrupted.try_recv().is_ok() {
                 bail!("interrupted; what was recorded so far is kept");
             }
-            match self.observer.next(STALL) {
+            match self.observer.next(STALL.saturating_sub(self.progressed.elapsed())) {
                 Some(sighting) => self.see(&sighting),
-                None => bail!(
-                    "no message for {} s: {} does not answer",
-                    STALL.as_secs(),
-                    self.awaited()
-                ),
+                None => bail!("no state for {} s: {} does not answer", STALL.as_secs(), self.awaited()),
             }
         }
         self.bar.finish_and_clear();
         Ok(())
     }
 
-    /// Takes in what is still under way: the ends of the journals.
-    fn drain(&mut self) {
-        while let Some(sighting) = self.observer.next(Duration::ZERO) {
-            self.see(&sighting);
+    /// Takes in what is still under way, until the journals are whole: the operator's comes over a network.
+    fn drain(&mut self, entries: u64) {
+        let limit = Instant::now() + DRAINING;
+        while self.journalled < entries {
+            match self.observer.next(limit.saturating_duration_since(Instant::now())) {
+                Some(sighting) => self.see(&sighting),
+                None => return,
+            }
         }
     }
 
@@ -256,15 +277,17 @@ impl Watch {
                 .into_iter()
                 .for_each(|sent| self.summary.see_setpoint(&sent)),
             Topic::State => decode::<State>(bytes).into_iter().for_each(|state| {
+                self.progressed = Instant::now();
                 self.latency.see_state(&state.body);
                 self.summary.see_state(&state);
                 self.bar.set_position(u64::from(self.summary.ticks()));
                 self.bar.set_message(self.summary.progress());
             }),
             Topic::Journal(node) => {
-                decode::<JournalBatch>(bytes)
-                    .into_iter()
-                    .for_each(|batch| self.latency.see_journal(*node, &batch.body));
+                decode::<JournalBatch>(bytes).into_iter().for_each(|batch| {
+                    self.journalled += batch.body.entries.len() as u64;
+                    self.latency.see_journal(*node, &batch.body);
+                });
             }
             _ => {}
         }

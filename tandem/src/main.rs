@@ -15,6 +15,7 @@ mod trial;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use tandem_link::LinkError;
 
 use crate::configuration::CommonFlags;
 
@@ -90,11 +91,9 @@ fn main() -> ExitCode {
         Ok(Outcome::SamplesLost) => ExitCode::from(3),
         Err(error) => {
             eprintln!("tandem: {error:#}");
-            ExitCode::from(if error.is::<configuration::BadConfiguration>() {
-                2
-            } else {
-                1
-            })
+            let bad_usage = error.is::<configuration::BadConfiguration>()
+                || error.downcast_ref::<LinkError>().is_some_and(LinkError::is_bad_usage);
+            ExitCode::from(if bad_usage { 2 } else { 1 })
         }
     }
 }

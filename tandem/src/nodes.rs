@@ -1,5 +1,6 @@
 //! The five nodes, built from one configuration: for the demo in one process, and for a process each.
 
+use std::io::IsTerminal as _;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
@@ -312,6 +313,9 @@ impl Process {
             bail!("{name} panicked: please report this")
         };
         self.link.close();
+        if let Some(awaited) = report.awaited {
+            bail!("{name}: {awaited} did not answer for two seconds, so lockstep cannot go on");
+        }
         let lost = report.dropped + report.journal.lost;
         eprintln!(
             "{name}: ended after {} steps, {lost} inputs or journal entries lost",
@@ -344,6 +348,9 @@ pub(crate) fn operator(flags: &OperatorFlags) -> anyhow::Result<Outcome> {
         .map(|source| ("operator.source", format!("{source:?}").to_lowercase()));
     let configuration = flags.node.configuration(source.as_slice())?;
     let keyboard = configuration.operator.source == SourceKind::Keyboard;
+    if keyboard && !std::io::stdin().is_terminal() {
+        bail!(keyboard::KeyboardError::NotATerminal);
+    }
     let parts = Parts::new(configuration, None)?;
     let Some(process) = Process::begin(&parts, NodeName::Operator)? else {
         return Ok(Outcome::Done);
@@ -355,12 +362,14 @@ pub(crate) fn operator(flags: &OperatorFlags) -> anyhow::Result<Outcome> {
             *status = text;
         }
     })?;
-    if keyboard {
-        steer(&process, &running, &status)?;
+    let steered = if keyboard {
+        steer(&process, &running, &status)
     } else {
-        run_one_trial(&process, &running)?;
-    }
-    process.end(running, NodeName::Operator)
+        run_one_trial(&process, &running)
+    };
+    // Whatever went wrong, the node says goodbye with the deadman released.
+    let ended = process.end(running, NodeName::Operator);
+    steered.and(ended)
 }
 
 /// Hands the terminal to the keyboard until the user leaves it.
@@ -462,8 +471,14 @@ pub(crate) fn recorder(flags: &RecorderFlags) -> anyhow::Result<Outcome> {
     overrides.extend(flags.view.then(|| ("recorder.live", "spawn".to_owned())));
     let parts = Parts::new(flags.node.configuration(&overrides)?, None)?;
     let sinks = parts.sinks()?;
-    let Some(process) = Process::begin(&parts, NodeName::Recorder)? else {
-        return Ok(Outcome::Done);
+    let process = match Process::begin(&parts, NodeName::Recorder) {
+        Ok(Some(process)) => process,
+        // An empty session file is a whole one, too.
+        gave_up => {
+            // Nothing was heard, so nothing can have been lost.
+            let _ = sinks.close(CLOSE_LIMIT);
+            return gave_up.map(|_| Outcome::Done);
+        }
     };
     let recorder = parts.recorder(&process.link, sinks)?;
     process.wait(&recorder.node);

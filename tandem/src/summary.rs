@@ -18,6 +18,9 @@ pub(crate) struct Summary {
     current: Option<(u32, Setpoint)>,
     last_motion_tick: Option<u32>,
     tool: Option<Vec3>,
+    at_rest: bool,
+    /// Whether there was guidance in this trial: the checkpoint stays passed when the predictor is lost.
+    passed_checkpoint: bool,
     smallest_clearance: Option<f64>,
     before: Mean,
     after: Mean,
@@ -92,6 +95,7 @@ impl Summary {
         self.state_tick = state.header.tick;
         self.began_at.get_or_insert(state.body.trial_start);
         self.tool = Some(state.body.tool.position);
+        self.at_rest = state.body.at_rest;
         if self.is_over() {
             return;
         }
@@ -124,12 +128,12 @@ impl Summary {
             return;
         }
         self.last_motion_tick = Some(tick);
-        match setpoint.guidance {
-            None => self.before.add(setpoint.weight.0),
-            Some(_) => {
-                self.after.add(setpoint.weight.0);
-                self.effort.add(setpoint.human.norm());
-            }
+        self.passed_checkpoint |= setpoint.guidance.is_some();
+        if self.passed_checkpoint {
+            self.after.add(setpoint.weight.0);
+            self.effort.add(setpoint.human.norm());
+        } else {
+            self.before.add(setpoint.weight.0);
         }
     }
 
@@ -187,10 +191,10 @@ impl Summary {
         Figures {
             reached_goal: distance
                 .zip(self.goal)
-                .is_some_and(|(distance, (_, tolerance))| distance <= tolerance),
+                .is_some_and(|(distance, (_, tolerance))| self.at_rest && distance <= tolerance),
             goal_distance_m: distance,
             ticks: if self.last_motion_tick.is_some() {
-                end.saturating_sub(began) + 1
+                end.saturating_sub(began).saturating_add(1)
             } else {
                 0
             },
