@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use tandem_recorder::NoEvidence;
 use tandem_settings::Document;
 use tandem_trials::{Configuration, Unbuildable};
 
@@ -29,6 +30,8 @@ pub(crate) enum BadConfiguration {
     Unreadable { path: PathBuf, source: std::io::Error },
     #[error(transparent)]
     Setting(#[from] tandem_settings::Error),
+    #[error("cannot read the session {path}", path = path.display())]
+    Session { path: PathBuf, source: NoEvidence },
     #[error("--set {given:?}: write KEY=VALUE, as in --set arbiter.weight_floor=0.2")]
     Override { given: String },
     #[error(transparent)]
