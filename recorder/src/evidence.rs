@@ -110,6 +110,8 @@ impl Evidence {
     pub fn read(mut from: impl Read) -> Result<Self, NoEvidence> {
         let options = LinearReaderOptions::default()
             .with_validate_chunk_crcs(true)
+            // Besides chunks: a model or a configuration that was changed is no evidence.
+            .with_validate_data_section_crc(true)
             .with_record_length_limit(RECORD_LIMIT);
         let mut reader = LinearReader::new_with_options(options);
         let mut reading = Reading::default();
