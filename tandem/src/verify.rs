@@ -9,7 +9,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use tandem_recorder::Evidence;
-use tandem_trials::{Difference, Divergence, EPSILON, Findings, Overall, RunFinding, Verdict, reexecute};
+use tandem_trials::{Divergence, EPSILON, Findings, Overall, RunFinding, Verdict, reexecute};
 use tandem_wire::{NodeName, seconds};
 
 use crate::configuration::BadConfiguration;
@@ -99,10 +99,8 @@ impl Report {
         let mut lines: Vec<(&str, String)> = Vec::new();
         for (run, name) in findings.runs.iter().zip(&names) {
             lines.push((name, run.to_string()));
-            if let (Verdict::Diverged(_), Some(build)) = (&run.verdict, &run.build)
-                && build != BUILD
-            {
-                lines.push(("", format!("it was recorded by {build}; this is {BUILD}")));
+            if let Verdict::Diverged(divergence) = &run.verdict {
+                lines.extend(details(run, divergence).into_iter().map(|line| ("", line)));
             }
         }
         lines.extend(findings.faults.iter().map(|fault| ("the file", fault.clone())));
@@ -141,6 +139,26 @@ impl Report {
     }
 }
 
+/// So many differing fields are spelled out for people; the others are counted.
+const FIELDS_SHOWN: usize = 8;
+
+/// What follows below a diverged node: field by field, and whether it was another program.
+fn details(run: &RunFinding, divergence: &Divergence) -> Vec<String> {
+    let (topic, fields) = (divergence.topic, divergence.fields());
+    let shown = fields.iter().take(FIELDS_SHOWN);
+    let mut lines: Vec<String> = shown.map(|field| format!("  {topic}.{field}")).collect();
+    if fields.len() > FIELDS_SHOWN {
+        lines.push(format!(
+            "  and {} more (--json names them all)",
+            fields.len() - FIELDS_SHOWN
+        ));
+    }
+    if let Some(build) = run.build.as_ref().filter(|build| *build != BUILD) {
+        lines.push(format!("  it was recorded by {build}; this is {BUILD}"));
+    }
+    lines
+}
+
 fn run_json(run: &RunFinding) -> Value {
     let mut object = json!({
         "node": run.run.node.as_str(),
@@ -164,11 +182,8 @@ fn run_json(run: &RunFinding) -> Value {
 }
 
 fn divergence_json(divergence: &Divergence) -> Value {
-    let fields = match &divergence.difference {
-        Difference::Fields(fields) => fields.as_slice(),
-        _ => &[],
-    };
-    let fields: Vec<Value> = fields
+    let fields: Vec<Value> = divergence
+        .fields()
         .iter()
         .map(|field| json!({"path": field.path, "recorded": field.recorded, "now": field.again}))
         .collect();

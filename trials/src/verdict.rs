@@ -168,6 +168,24 @@ impl Overall {
     }
 }
 
+impl Divergence {
+    /// The fields that differ, in the order of the message; none if the difference is none of fields.
+    #[must_use]
+    pub fn fields(&self) -> &[FieldDifference] {
+        match &self.difference {
+            Difference::Fields(fields) => fields,
+            _ => &[],
+        }
+    }
+}
+
+impl fmt::Display for FieldDifference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { path, recorded, again } = self;
+        write!(f, "{path}: recorded {recorded}, now {again}")
+    }
+}
+
 impl Verdict {
     /// One word.
     #[must_use]
@@ -180,9 +198,6 @@ impl Verdict {
         }
     }
 }
-
-/// So many differing fields are spelled out; the others are counted.
-const FIELDS_SHOWN: usize = 3;
 
 impl fmt::Display for RunFinding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -216,25 +231,13 @@ impl fmt::Display for Divergence {
         } = self;
         write!(f, "step {step} (journal entry {entry}, {:.6} s), {topic}", at.seconds())?;
         match &self.difference {
-            Difference::Fields(fields) => write_fields(f, fields),
+            Difference::Fields(fields) if fields.len() == 1 => f.write_str(": one field differs"),
+            Difference::Fields(fields) => write!(f, ": {} fields differ", fields.len()),
             Difference::Bytes => f.write_str(": other bytes, which are no message"),
             Difference::Topic(now) => write!(f, ": an output on {now} instead"),
             Difference::Absent => f.write_str(": recorded, but does not come out again"),
             Difference::Additional => f.write_str(": comes out, but was not recorded"),
         }
-    }
-}
-
-fn write_fields(f: &mut fmt::Formatter<'_>, fields: &[FieldDifference]) -> fmt::Result {
-    for (index, field) in fields.iter().take(FIELDS_SHOWN).enumerate() {
-        let between = if index == 0 { '.' } else { ' ' };
-        let FieldDifference { path, recorded, again } = field;
-        let comma = if index == 0 { "" } else { "," };
-        write!(f, "{comma}{between}{path}: recorded {recorded}, now {again}")?;
-    }
-    match fields.len().saturating_sub(FIELDS_SHOWN) {
-        0 => Ok(()),
-        more => write!(f, ", and {more} more fields"),
     }
 }
 

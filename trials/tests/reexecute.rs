@@ -247,3 +247,14 @@ fn messages_of_a_node_without_journal_and_configuration_are_not_passed_over() {
         Overall::Incomplete
     );
 }
+
+#[test]
+fn a_stamp_at_the_end_of_time_neither_hangs_nor_panics() {
+    let mut entries = journal();
+    let stop = entries.iter().position(|entry| entry.what == Happening::Stop);
+    entries.truncate(stop.expect("a stop"));
+    let at = Stamp(u64::MAX);
+    let what = Happening::Wake;
+    entries.push(JournalEntry { at, wall: at, what });
+    assert_eq!(verdict(whole(&entries)), Verdict::Identical);
+}
