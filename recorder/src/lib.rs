@@ -31,6 +31,7 @@
 
 mod arm;
 mod config;
+mod evidence;
 mod heard;
 mod node;
 mod ports;
@@ -40,6 +41,7 @@ mod tally;
 mod view;
 
 pub use config::{BadSettings, Live, RecorderConfig, RecorderSettings, ViewTarget};
+pub use evidence::{Evidence, Fault, NoEvidence, RecordedNode, Run};
 pub use heard::{Entry, Heard, JournalPart, Level, Note, Sample};
 pub use node::{Event, Output, Recorder};
 pub use session_file::{JOURNAL_ENCODING, Provenance, SessionFile, WriteError};

@@ -359,6 +359,6 @@ fn message_header(channel_id: u16, times: Times) -> MessageHeader {
     }
 }
 
-fn hex(bytes: &[u8]) -> String {
+pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

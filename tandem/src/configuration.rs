@@ -3,13 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use tandem_arbiter::ArbiterSettings;
-use tandem_link::{LinkSettings, LoopSettings, TaskSettings};
-use tandem_operator::{HumanSettings, OperatorSettings};
-use tandem_predictor::PredictorSettings;
-use tandem_recorder::RecorderSettings;
-use tandem_robot_sim::RobotSimSettings;
-use tandem_settings::{Document, Section, show};
+use tandem_recorder::NoEvidence;
+use tandem_settings::Document;
+use tandem_trials::{Configuration, Unbuildable};
 
 use crate::Outcome;
 
@@ -34,79 +30,29 @@ pub(crate) enum BadConfiguration {
     Unreadable { path: PathBuf, source: std::io::Error },
     #[error(transparent)]
     Setting(#[from] tandem_settings::Error),
+    #[error("cannot read the session {path}", path = path.display())]
+    Session { path: PathBuf, source: NoEvidence },
     #[error("--set {given:?}: write KEY=VALUE, as in --set arbiter.weight_floor=0.2")]
     Override { given: String },
+    #[error(transparent)]
+    Unbuildable(#[from] Unbuildable),
     #[error("{0}")]
     Conflict(String),
 }
 
-/// Everything that can be set, checked.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Configuration {
-    pub link: LinkSettings,
-    pub rates: LoopSettings,
-    pub task: TaskSettings,
-    pub operator: OperatorSettings,
-    pub human: HumanSettings,
-    pub predictor: PredictorSettings,
-    pub arbiter: ArbiterSettings,
-    pub robot: RobotSimSettings,
-    pub recorder: RecorderSettings,
-}
-
-impl Configuration {
-    /// Reads the file, lays `--set` and then `overrides` (key, value) over it, and checks all of it.
-    pub(crate) fn load(flags: &CommonFlags, overrides: &[(&str, String)]) -> Result<Self, BadConfiguration> {
-        let mut document = document(flags)?;
-        for given in &flags.set {
-            let Some((key, value)) = given.split_once('=') else {
-                return Err(BadConfiguration::Override { given: given.clone() });
-            };
-            document.set(key.trim(), value.trim());
-        }
-        for (key, value) in overrides {
-            document.set(key, value);
-        }
-        let configuration = Self {
-            link: document.section()?,
-            rates: document.section()?,
-            task: document.section()?,
-            operator: document.section()?,
-            human: document.section()?,
-            predictor: document.section()?,
-            arbiter: document.section()?,
-            robot: document.section()?,
-            recorder: document.section()?,
+/// Reads the file, lays `--set` and then `overrides` (key, value) over it, and checks all of it.
+pub(crate) fn load(flags: &CommonFlags, overrides: &[(&str, String)]) -> Result<Configuration, BadConfiguration> {
+    let mut document = document(flags)?;
+    for given in &flags.set {
+        let Some((key, value)) = given.split_once('=') else {
+            return Err(BadConfiguration::Override { given: given.clone() });
         };
-        document.finish(&[
-            LinkSettings::NAME,
-            LoopSettings::NAME,
-            TaskSettings::NAME,
-            OperatorSettings::NAME,
-            HumanSettings::NAME,
-            PredictorSettings::NAME,
-            ArbiterSettings::NAME,
-            RobotSimSettings::NAME,
-            RecorderSettings::NAME,
-        ])?;
-        Ok(configuration)
+        document.set(key.trim(), value.trim());
     }
-
-    /// The whole configuration as commented TOML, which reads back the same.
-    pub(crate) fn to_toml(&self) -> String {
-        [
-            show(&self.link),
-            show(&self.rates),
-            show(&self.task),
-            show(&self.operator),
-            show(&self.human),
-            show(&self.predictor),
-            show(&self.arbiter),
-            show(&self.robot),
-            show(&self.recorder),
-        ]
-        .join("\n")
+    for (key, value) in overrides {
+        document.set(key, value);
     }
+    Ok(Configuration::from_document(&document)?)
 }
 
 fn document(flags: &CommonFlags) -> Result<Document, BadConfiguration> {
@@ -123,7 +69,7 @@ fn document(flags: &CommonFlags) -> Result<Document, BadConfiguration> {
 
 /// `tandem config show`.
 pub(crate) fn print(flags: &CommonFlags) -> anyhow::Result<Outcome> {
-    print!("{}", Configuration::load(flags, &[])?.to_toml());
+    print!("{}", load(flags, &[])?.to_toml());
     Ok(Outcome::Done)
 }
 
@@ -134,18 +80,13 @@ mod tests {
     #[test]
     fn what_is_shown_is_read_back_whole() {
         let shown = Configuration::default().to_toml();
-        let document = Document::parse("shown", &shown).unwrap();
-        assert_eq!(
-            document.section::<ArbiterSettings>().unwrap(),
-            ArbiterSettings::default()
-        );
         let path = std::env::temp_dir().join(format!("tandem-config-{}.toml", std::process::id()));
         std::fs::write(&path, &shown).unwrap();
         let flags = CommonFlags {
             config: Some(path.clone()),
             set: vec![],
         };
-        let again = Configuration::load(&flags, &[]).unwrap().to_toml();
+        let again = load(&flags, &[]).unwrap().to_toml();
         std::fs::remove_file(path).unwrap();
         assert_eq!(again, shown);
     }
@@ -156,7 +97,7 @@ mod tests {
             config: None,
             set: vec!["arbiter.weight_floor=7".into()],
         };
-        let refused = Configuration::load(&flags, &[]).unwrap_err().to_string();
+        let refused = load(&flags, &[]).unwrap_err().to_string();
         assert!(
             refused.contains("arbiter.weight_floor") && refused.contains("0 to 1"),
             "{refused}"

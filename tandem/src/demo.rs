@@ -10,9 +10,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 use tandem_link::{Clock, Link, Observer, Running, Sighting};
 use tandem_recorder::{Closed, Sinks};
+use tandem_trials::Configuration;
 use tandem_wire::{JournalBatch, NodeName, Pace, Scene, Setpoint, State, Topic, Trial, decode};
 
-use crate::configuration::{CommonFlags, Configuration};
+use crate::configuration::{self, CommonFlags};
 use crate::latency::{Latency, Quantiles};
 use crate::nodes::{self, Parts, RunningRecorder};
 use crate::summary::{Figures, Summary};
@@ -136,7 +137,7 @@ fn configuration(flags: &DemoFlags) -> anyhow::Result<Configuration> {
     overrides.extend(flags.law.map(|law| ("arbiter.law", name(&law))));
     overrides.extend(flags.seed.map(|seed| ("loop.seed", seed.to_string())));
     overrides.extend(flags.view.then(|| ("recorder.live", "spawn".to_owned())));
-    Ok(Configuration::load(&flags.common, &overrides)?)
+    Ok(configuration::load(&flags.common, &overrides)?)
 }
 
 fn default_path() -> PathBuf {

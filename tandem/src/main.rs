@@ -11,6 +11,7 @@ mod summary;
 mod table;
 mod train;
 mod trial;
+mod verify;
 
 use std::process::ExitCode;
 
@@ -44,6 +45,8 @@ enum Subcommands {
     RobotSim(nodes::RobotSimFlags),
     /// Runs the recorder's node: session file and live view.
     Recorder(nodes::RecorderFlags),
+    /// Executes a recorded session again and says whether the same came out.
+    Replay(verify::ReplayFlags),
     /// Trains a model from demonstrations.
     Train(train::TrainFlags),
     /// Prints a model's forecast for a context.
@@ -69,6 +72,8 @@ pub(crate) enum Outcome {
     Failed,
     /// 3: done, but samples were lost on the way to the file.
     SamplesLost,
+    /// 3: nothing wrong was found, but not everything could be looked at.
+    Incomplete,
 }
 
 fn main() -> ExitCode {
@@ -79,6 +84,7 @@ fn main() -> ExitCode {
         Subcommands::Arbiter(flags) => nodes::arbiter(&flags),
         Subcommands::RobotSim(flags) => nodes::robot_sim(&flags),
         Subcommands::Recorder(flags) => nodes::recorder(&flags),
+        Subcommands::Replay(flags) => verify::replay(&flags),
         Subcommands::Train(flags) => train::run(&flags),
         Subcommands::Forecast(flags) => forecast::run(&flags),
         Subcommands::Config {
@@ -88,7 +94,7 @@ fn main() -> ExitCode {
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::Failed) => ExitCode::from(1),
-        Ok(Outcome::SamplesLost) => ExitCode::from(3),
+        Ok(Outcome::SamplesLost | Outcome::Incomplete) => ExitCode::from(3),
         Err(error) => {
             eprintln!("tandem: {error:#}");
             let bad_usage = error.is::<configuration::BadConfiguration>()

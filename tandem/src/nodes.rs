@@ -17,9 +17,10 @@ use tandem_operator::{Operator, SourceKind, keyboard};
 use tandem_predictor::Predictor;
 use tandem_recorder::{Closed, Provenance, Recorder, RecorderConfig, Sinks};
 use tandem_robot_sim::RobotSim;
-use tandem_wire::{NodeInfo, NodeName, Ports, Session, TaskFrame, Timing, Trial};
+use tandem_trials::{Blueprint, Configuration};
+use tandem_wire::{NodeInfo, NodeName, Ports, Trial};
 
-use crate::configuration::{BadConfiguration, CommonFlags, Configuration};
+use crate::configuration::{self, BadConfiguration, CommonFlags};
 use crate::trial::TrialMarks;
 use crate::{BUILD, Outcome, forecast, interrupt, shipped};
 
@@ -67,7 +68,7 @@ impl NodeFlags {
         if self.insecure {
             overrides.push(("link.insecure", "true".into()));
         }
-        Configuration::load(&self.common, &overrides)
+        configuration::load(&self.common, &overrides)
     }
 }
 
@@ -124,11 +125,7 @@ pub(crate) struct RecorderFlags {
 
 /// What nodes are built from.
 pub(crate) struct Parts {
-    configuration: Configuration,
-    timing: Timing,
-    frame: TaskFrame,
-    model: Option<Model>,
-    session: Session,
+    blueprint: Blueprint,
     await_peers: Vec<NodeName>,
 }
 
@@ -136,17 +133,9 @@ impl Parts {
     /// # Errors
     /// If settings that are each right cannot be right together.
     pub(crate) fn new(configuration: Configuration, model: Option<Model>) -> anyhow::Result<Self> {
-        let frame = configuration
-            .task
-            .frame()
-            .map_err(|error| BadConfiguration::Conflict(error.to_string()))?;
-        let timing = configuration.rates.timing();
+        let blueprint = Blueprint::new(configuration, fresh_session(), model).map_err(BadConfiguration::from)?;
         Ok(Self {
-            configuration,
-            timing,
-            frame,
-            model,
-            session: fresh_session(),
+            blueprint,
             await_peers: LOOP.to_vec(),
         })
     }
@@ -158,17 +147,18 @@ impl Parts {
     }
 
     fn options<N: Ports>(&self) -> ShellOptions {
-        let lockstep = self.timing.pace == tandem_wire::Pace::Lockstep && N::NAME != NodeName::Recorder;
+        let configuration = self.blueprint.configuration();
+        let lockstep = self.blueprint.timing().pace == tandem_wire::Pace::Lockstep && N::NAME != NodeName::Recorder;
         let model = match N::NAME {
-            NodeName::Predictor => self.model.as_ref().map(Model::to_bytes).unwrap_or_default(),
+            NodeName::Predictor => self.blueprint.model().map(Model::to_bytes).unwrap_or_default(),
             _ => Vec::new(),
         };
         ShellOptions {
-            timing: self.timing,
+            timing: self.blueprint.timing(),
             info: NodeInfo {
-                session: self.session,
-                config: self.configuration.to_toml(),
-                seed: self.configuration.rates.seed,
+                session: self.blueprint.session(),
+                config: configuration.to_toml(),
+                seed: configuration.rates.seed,
                 build: BUILD.to_owned(),
                 model,
             },
@@ -185,40 +175,32 @@ impl Parts {
     }
 
     pub(crate) fn operator(&self, link: &Link, show: impl FnMut(String) + Send + 'static) -> anyhow::Result<Running> {
-        let Configuration {
-            operator, human, rates, ..
-        } = &self.configuration;
-        let node = Operator::new(self.session, self.timing, self.frame, rates.seed, operator, human);
         let mut show = show;
         let local = move |_, output| {
             if let tandem_operator::Output::Status(status) = output {
                 show(status.to_string());
             }
         };
-        Ok(spawn(link, node, self.options::<Operator>(), local)?)
+        Ok(spawn(
+            link,
+            self.blueprint.operator(),
+            self.options::<Operator>(),
+            local,
+        )?)
     }
 
     pub(crate) fn predictor(&self, link: &Link) -> anyhow::Result<Running> {
-        let model = self.model.clone().context("a predictor needs a model")?;
-        let node = Predictor::new(
-            self.session,
-            self.timing,
-            self.frame,
-            model,
-            &self.configuration.predictor,
-        )?;
+        let node = self.blueprint.predictor()?;
         Ok(spawn(link, node, self.options::<Predictor>(), |_, _| {})?)
     }
 
     pub(crate) fn arbiter(&self, link: &Link) -> anyhow::Result<Running> {
-        let node = Arbiter::new(self.session, self.timing, &self.configuration.arbiter)
-            .map_err(|error| BadConfiguration::Conflict(error.to_string()))?;
+        let node = self.blueprint.arbiter().map_err(BadConfiguration::from)?;
         Ok(spawn(link, node, self.options::<Arbiter>(), |_, _| {})?)
     }
 
     pub(crate) fn robot_sim(&self, link: &Link) -> anyhow::Result<Running> {
-        let node = RobotSim::new(self.session, self.timing, &self.configuration.robot)
-            .map_err(|error| BadConfiguration::Conflict(error.to_string()))?;
+        let node = self.blueprint.robot_sim().map_err(BadConfiguration::from)?;
         Ok(spawn(link, node, self.options::<RobotSim>(), |_, _| {})?)
     }
 }
@@ -246,14 +228,15 @@ impl RunningRecorder {
 impl Parts {
     /// Opens the session file and the views, before anything is heard: a path that cannot be written is known at once.
     pub(crate) fn sinks(&self) -> anyhow::Result<Sinks> {
-        let config = RecorderConfig::new(&self.configuration.recorder)
+        let configuration = self.blueprint.configuration();
+        let config = RecorderConfig::new(&configuration.recorder)
             .map_err(|error| BadConfiguration::Conflict(error.to_string()))?;
         let provenance = Provenance {
-            robot: self.configuration.link.robot.parse()?,
+            robot: configuration.link.robot.parse()?,
             build: BUILD.to_owned(),
             epoch_unix_nanos: Clock::of_process().origin_unix_nanos(),
         };
-        Ok(Sinks::open(&config, self.timing, &provenance)?)
+        Ok(Sinks::open(&config, self.blueprint.timing(), &provenance)?)
     }
 
     pub(crate) fn recorder(&self, link: &Link, sinks: Sinks) -> anyhow::Result<RunningRecorder> {
@@ -267,7 +250,12 @@ impl Parts {
                 }
             }
         };
-        let node = spawn(link, Recorder::new(self.timing), self.options::<Recorder>(), local)?;
+        let node = spawn(
+            link,
+            Recorder::new(self.blueprint.timing()),
+            self.options::<Recorder>(),
+            local,
+        )?;
         Ok(RunningRecorder { node, sinks })
     }
 }
@@ -287,7 +275,7 @@ impl Process {
     /// Connects, for as long as it takes; `None` if the user gave up first.
     fn begin(parts: &Parts, name: NodeName) -> anyhow::Result<Option<Self>> {
         let interrupted = interrupt::catch()?;
-        let settings = parts.configuration.link.clone();
+        let settings = parts.blueprint.configuration().link.clone();
         eprintln!("{name}: {}", describe(&settings));
         let (sender, opened) = bounded(1);
         // Dialling blocks until somebody answers; meanwhile Ctrl-C must still work.

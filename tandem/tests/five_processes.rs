@@ -1,51 +1,15 @@
 //! The README's second recipe: five processes on loopback, started in an awkward order, ended by the termination signal.
 
+mod process;
+
 use std::collections::BTreeMap;
 use std::net::TcpListener;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use process::Process;
 use tandem_link::{Link, LinkSettings, Observer, Sighting};
 use tandem_wire::{Pace, Scene, State, Topic, decode};
-
-/// A process of ours, killed if the test ends early.
-struct Process(Child);
-
-impl Process {
-    fn start(arguments: &[&str]) -> Self {
-        let child = Command::new(env!("CARGO_BIN_EXE_tandem"))
-            .args(arguments)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .spawn();
-        Self(child.expect("tandem starts"))
-    }
-
-    /// Asks it to end as Ctrl-C and a service manager do, and gives its exit code.
-    fn end(mut self) -> Option<i32> {
-        let asked = Command::new("kill")
-            .args(["-s", "INT", &self.0.id().to_string()])
-            .status()
-            .expect("kill runs");
-        assert!(asked.success());
-        let limit = Instant::now() + Duration::from_secs(20);
-        while Instant::now() < limit {
-            if let Some(status) = self.0.try_wait().expect("our own child") {
-                return status.code();
-            }
-            std::thread::sleep(Duration::from_millis(20));
-        }
-        None
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
 
 /// Watches until the tool has come to rest at the goal.
 fn wait_for_the_goal(endpoint: &str) {

@@ -1,0 +1,26 @@
+//! What is done with whole sessions, and what it takes to build the nodes of one.
+//!
+//! [`Configuration`] is everything that can be set; a [`Blueprint`] makes nodes of it. Commands that run nodes and
+//! commands that execute a recorded session again build them here, so that both build the same.
+//!
+//! [`reexecute`](fn@reexecute) does the second: it feeds every node of a recording its own journal and says whether
+//! the same came out.
+//!
+//! The crate refuses to know flags, terminals and exit codes: those belong to the command line. It reads no clock.
+//!
+//! Start reading at [`Blueprint`], then `reexecute.rs`.
+
+#![forbid(unsafe_code)]
+#![warn(missing_docs)]
+
+mod blueprint;
+mod configuration;
+mod fields;
+mod reexecute;
+mod verdict;
+
+pub use blueprint::{Blueprint, Unbuildable};
+pub use configuration::Configuration;
+pub use fields::{EPSILON, FieldDifference};
+pub use reexecute::reexecute;
+pub use verdict::{Difference, Divergence, Findings, Missing, Overall, RunFinding, Verdict};

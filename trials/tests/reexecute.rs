@@ -1,0 +1,260 @@
+//! A robot's journal, written here entry by entry, whole and with everything that can be wrong with it.
+
+use std::collections::BTreeMap;
+
+use tandem_recorder::{Evidence, RecordedNode, Run};
+use tandem_robot_sim::RobotSim;
+use tandem_trials::{Blueprint, Configuration, Difference, Findings, Missing, Overall, Verdict, reexecute};
+use tandem_wire::{
+    Envelope, Happening, Input, JournalBatch, JournalEntry, MILLISECOND, Node, NodeName, Outbox, Ports, Session, Stamp,
+    State, Topic, decode, encode,
+};
+
+const RUN: Run = Run {
+    node: NodeName::RobotSim,
+    session: Session(7),
+};
+
+/// A robot that nobody commands, woken at each of its deadlines and then asked to end.
+fn journal() -> Vec<JournalEntry> {
+    let blueprint = Blueprint::new(Configuration::default(), RUN.session, None).expect("the defaults fit");
+    let mut node = blueprint.robot_sim().expect("the defaults fit");
+    let mut entries = Vec::new();
+    let mut now = Stamp(0);
+    for _ in 0..60 {
+        feed(&mut node, now, Input::Wake, &mut entries);
+        now = node.deadline().unwrap_or(now.after(MILLISECOND)).max(now);
+    }
+    feed(&mut node, now, Input::Stop, &mut entries);
+    entries
+}
+
+fn feed(node: &mut RobotSim, at: Stamp, input: Input<'_>, entries: &mut Vec<JournalEntry>) {
+    let mut write = |what| entries.push(JournalEntry { at, wall: at, what });
+    write(Happening::from(input));
+    let mut outbox = Outbox::default();
+    node.step(at, RobotSim::event(input), &mut outbox);
+    for output in outbox.drain() {
+        let mut bytes = Vec::new();
+        if let Some(topic) = RobotSim::sample(&output, &mut bytes) {
+            write(Happening::Output { topic, bytes });
+        }
+    }
+}
+
+fn part(entries: &[JournalEntry], range: std::ops::Range<usize>) -> JournalBatch {
+    JournalBatch {
+        first: range.start as u64,
+        lost: 0,
+        entries: entries[range].to_vec(),
+    }
+}
+
+fn found(parts: Vec<JournalBatch>) -> Findings {
+    let recorded = RecordedNode {
+        config: Configuration::default().to_toml(),
+        seed: 1,
+        ..RecordedNode::default()
+    };
+    let mut evidence = Evidence::default();
+    evidence.nodes.insert(RUN, recorded);
+    evidence.journals = BTreeMap::from([(RUN, parts)]);
+    reexecute(&evidence, |_, _| {})
+}
+
+fn verdict(parts: Vec<JournalBatch>) -> Verdict {
+    found(parts).runs.remove(0).verdict
+}
+
+fn whole(entries: &[JournalEntry]) -> Vec<JournalBatch> {
+    vec![part(entries, 0..entries.len())]
+}
+
+fn difference(entries: &[JournalEntry]) -> Difference {
+    match verdict(whole(entries)) {
+        Verdict::Diverged(divergence) => divergence.difference,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// The last state in the journal.
+fn last_state(entries: &[JournalEntry]) -> usize {
+    let is_state = |entry: &JournalEntry| {
+        matches!(
+            entry.what,
+            Happening::Output {
+                topic: Topic::State,
+                ..
+            }
+        )
+    };
+    entries.iter().rposition(is_state).expect("a state")
+}
+
+/// Changes a state that is in the journal.
+fn edit(entry: &mut JournalEntry, change: impl FnOnce(&mut State)) {
+    let Happening::Output { bytes, .. } = &mut entry.what else {
+        panic!("{entry:?} is no output");
+    };
+    let mut message: Envelope<State> = decode(bytes).expect("a state");
+    change(&mut message.body);
+    encode(&message, bytes);
+}
+
+#[test]
+fn a_whole_journal_is_identical_in_one_part_or_many_even_twice() {
+    let entries = journal();
+    let count = entries.len();
+    let mut parts: Vec<_> = (0..count)
+        .step_by(7)
+        .map(|at| part(&entries, at..count.min(at + 10)))
+        .collect();
+    parts.insert(1, part(&entries, 0..7));
+    for parts in [whole(&entries), parts] {
+        let found = found(parts);
+        assert_eq!(found.overall(), Overall::Identical);
+        let run = &found.runs[0];
+        assert_eq!((run.steps, run.stopped), (61, true));
+        assert_eq!(run.outputs + run.steps, count as u64);
+    }
+}
+
+#[test]
+fn a_journal_cut_anywhere_is_identical_up_to_its_last_entry() {
+    let entries = journal();
+    let stop = entries
+        .iter()
+        .position(|entry| entry.what == Happening::Stop)
+        .expect("a stop");
+    for end in 1..=stop {
+        let found = found(vec![part(&entries, 0..end)]);
+        assert_eq!(found.runs[0].verdict, Verdict::Identical, "cut before entry {end}");
+        assert!(!found.runs[0].stopped);
+    }
+    let answers = entries.len() - 1 - stop;
+    assert!(answers > 0, "the robot answers the stop");
+    let from = stop as u64 + 1;
+    let cut = verdict(vec![part(&entries, 0..stop + 1)]);
+    assert_eq!(cut, Verdict::Incomplete(Missing::End { from }));
+}
+
+#[test]
+fn a_hole_is_named_with_what_the_node_lost_itself() {
+    let entries = journal();
+    let mut behind = part(&entries, 30..50);
+    behind.lost = 4;
+    let found = verdict(vec![part(&entries, 0..20), behind]);
+    let (from, to, lost) = (20, 29, 4);
+    assert_eq!(found, Verdict::Incomplete(Missing::Gap { from, to, lost }));
+    let late = verdict(vec![part(&entries, 5..40)]);
+    assert_eq!(late, Verdict::Incomplete(Missing::Beginning { first: 5 }));
+}
+
+#[test]
+fn a_difference_before_a_hole_outweighs_the_hole() {
+    let mut entries = journal();
+    let at = entries.iter().position(|entry| {
+        matches!(
+            entry.what,
+            Happening::Output {
+                topic: Topic::State,
+                ..
+            }
+        )
+    });
+    edit(&mut entries[at.expect("a state")], |state| state.trial = 9);
+    assert!(matches!(
+        verdict(vec![part(&entries, 0..20), part(&entries, 30..50)]),
+        Verdict::Diverged(_)
+    ));
+}
+
+#[test]
+fn a_changed_number_is_close_or_diverged_by_how_much_it_changed() {
+    let mut entries = journal();
+    let at = last_state(&entries);
+    edit(&mut entries[at], |state| state.tool.position.x += 1e-12);
+    match verdict(whole(&entries)) {
+        Verdict::Close { largest, field } => {
+            assert_eq!(field, "state.tool.position.x");
+            assert!((0.5e-12..2e-12).contains(&largest), "{largest:e}");
+        }
+        other => panic!("{other:?}"),
+    }
+    edit(&mut entries[at], |state| state.tool.position.x += 1e-3);
+    let Verdict::Diverged(divergence) = verdict(whole(&entries)) else {
+        panic!("a millimetre is a difference");
+    };
+    assert_eq!((divergence.entry, divergence.at), (at as u64, entries[at].at));
+    let Difference::Fields(fields) = divergence.difference else {
+        panic!("{:?}", divergence.difference);
+    };
+    assert_eq!(fields.len(), 1);
+    assert_eq!(fields[0].path, "tool.position.x");
+    assert_ne!(fields[0].recorded, fields[0].again);
+}
+
+#[test]
+fn outputs_that_are_too_many_too_few_or_nonsense_are_told_apart() {
+    let entries = journal();
+    let at = last_state(&entries[..entries.len() - 2]);
+    let mut more = entries.clone();
+    more.insert(at, entries[at].clone());
+    assert!(matches!(difference(&more), Difference::Fields(_) | Difference::Absent));
+    let mut less = entries.clone();
+    less.remove(at);
+    assert_eq!(difference(&less), Difference::Additional);
+    let mut nonsense = entries.clone();
+    nonsense[at].what = Happening::Output {
+        topic: Topic::State,
+        bytes: vec![1, 2, 3],
+    };
+    assert_eq!(difference(&nonsense), Difference::Bytes);
+    let mut moved = entries;
+    moved[at].what = Happening::Output {
+        topic: Topic::Command,
+        bytes: vec![],
+    };
+    assert_eq!(difference(&moved), Difference::Topic(Topic::State));
+}
+
+#[test]
+fn a_configuration_that_cannot_be_read_is_missing_and_said_so() {
+    let mut evidence = Evidence::default();
+    let config = "[robot-sim]\nfeet = 2\n".to_owned();
+    evidence.nodes.insert(
+        RUN,
+        RecordedNode {
+            config,
+            ..RecordedNode::default()
+        },
+    );
+    evidence.journals.insert(RUN, whole(&journal()));
+    let found = reexecute(&evidence, |_, _| {});
+    assert_eq!(found.overall(), Overall::Incomplete);
+    assert!(found.runs[0].to_string().contains("feet"), "{}", found.runs[0]);
+}
+
+#[test]
+fn messages_of_a_node_without_journal_and_configuration_are_not_passed_over() {
+    let mut evidence = Evidence::default();
+    evidence.heard.insert(Topic::Setpoint);
+    let found = reexecute(&evidence, |_, _| {});
+    assert_eq!(found.runs[0].run.node, NodeName::Arbiter);
+    assert_eq!(found.overall(), Overall::Incomplete);
+    assert_eq!(
+        reexecute(&Evidence::default(), |_, _| {}).overall(),
+        Overall::Incomplete
+    );
+}
+
+#[test]
+fn a_stamp_at_the_end_of_time_neither_hangs_nor_panics() {
+    let mut entries = journal();
+    let stop = entries.iter().position(|entry| entry.what == Happening::Stop);
+    entries.truncate(stop.expect("a stop"));
+    let at = Stamp(u64::MAX);
+    let what = Happening::Wake;
+    entries.push(JournalEntry { at, wall: at, what });
+    assert_eq!(verdict(whole(&entries)), Verdict::Identical);
+}
