@@ -10,7 +10,7 @@ mod target;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use clap::Args;
 use crossbeam_channel::{Receiver, never, select};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -54,7 +54,7 @@ pub(crate) struct ReplayFlags {
     #[arg(long, value_name = "TOPIC=NAME", value_parser = rename, requires = "robot")]
     rename: Vec<(Topic, String)>,
     /// Shows it in the Rerun viewer, at URL if one is given; this is the default.
-    #[arg(long, value_name = "URL", num_args = 0..=1, require_equals = true, default_missing_value = "")]
+    #[arg(long, value_name = "URL", num_args = 0..=1, require_equals = true, default_missing_value = "", conflicts_with_all = ["robot", "listen", "connect"])]
     view: Option<String>,
     /// Writes a Rerun recording instead.
     #[arg(long, value_name = "PATH", conflicts_with_all = ["view", "repeats", "robot", "listen", "connect"])]
@@ -110,9 +110,12 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
     let recording = session::load(&flags.session)?;
     session::warn(&recording);
     let timing = session::timing(&recording);
-    let target = open(flags, &recording, timing)?;
-    let chosen = |message: &&Recorded| flags.topics.is_empty() || flags.topics.contains(&message.topic);
-    let messages: Vec<&Recorded> = recording.messages.iter().filter(chosen).collect();
+    let messages: Vec<&Recorded> = recording
+        .messages
+        .iter()
+        .filter(|message| flags.topics.is_empty() || flags.topics.contains(&message.topic))
+        .filter(|message| !flags.node.is_network() || target::SHOWN.contains(&message.topic))
+        .collect();
     let plan = Plan {
         from: nanos(flags.from),
         until: flags.until.map_or(u64::MAX, nanos),
@@ -123,6 +126,10 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
         }),
         repeats: flags.repeats,
     };
+    if Player::new(instants(&messages, timing), plan, Stamp(0)).is_empty() {
+        bail!("there is nothing to play: no message of these topics lies between --from and --until");
+    }
+    let target = open(flags, &recording, timing)?;
     let began = Instant::now();
     let is_live = flags.rrd.is_none();
     let mut show = Show::new(&messages, timing, plan, target, is_live, interrupted);

@@ -135,6 +135,11 @@ impl Player {
         }
     }
 
+    /// Whether there is nothing to play.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.range.is_empty()
+    }
+
     /// The message that is played next.
     pub(crate) const fn next(&self) -> usize {
         self.next
