@@ -167,8 +167,11 @@ fn open(flags: &ReplayFlags, recording: &Recording, timing: Timing) -> anyhow::R
         }
     }
     let config = RecorderConfig::new(&settings).map_err(|error| BadConfiguration::Conflict(error.to_string()))?;
-    let waits = flags.rrd.is_some() || flags.speed == Some(Speed::Max);
-    Ok(Target::View(Box::new(Screen::open(config, timing, provenance, waits)?)))
+    let is_file = flags.rrd.is_some();
+    let waits = is_file || flags.speed == Some(Speed::Max);
+    Ok(Target::View(Box::new(Screen::open(
+        config, timing, provenance, waits, is_file,
+    )?)))
 }
 
 fn network(flags: &ReplayFlags, recording: &Recording) -> anyhow::Result<Target> {
@@ -400,7 +403,10 @@ impl Report {
             println!("{object}");
             return;
         }
-        eprintln!("replay: {} messages played, {} lost", self.played, self.lost);
+        eprintln!(
+            "replay: {} messages played; the target missed {}",
+            self.played, self.lost
+        );
         if let [Some(p50), Some(p99), Some(max)] = late {
             eprintln!("replay: late by p50 {p50:.2} ms, p99 {p99:.2} ms, at most {max:.2} ms");
         }

@@ -7,8 +7,10 @@ use tandem_link::{Link, Observer, Sighting};
 use tandem_recorder::{Provenance, Recorded, Recorder, RecorderConfig, Sinks};
 use tandem_wire::{Input, Node, NodeName, Outbox, Pace, Ports, Stamp, Timing, Topic};
 
-/// How long a view may take to write what it has.
-const CLOSE_LIMIT: Duration = Duration::from_secs(10);
+/// How long a file may take to be written to its end.
+const FILE_CLOSE_LIMIT: Duration = Duration::from_secs(30);
+/// How long a live viewer may take for what is on its way; one that is absent never will.
+const VIEWER_CLOSE_LIMIT: Duration = Duration::from_secs(2);
 /// How long a target that takes nothing is waited for.
 const STALL: Duration = Duration::from_secs(5);
 /// A message becomes at most this many outputs.
@@ -71,6 +73,7 @@ pub(super) struct Screen {
     sinks: Option<Sinks>,
     /// Whether the target is waited for: files are, a live viewer is not.
     waits: bool,
+    is_file: bool,
     last: Stamp,
     lost: u64,
 }
@@ -81,6 +84,7 @@ impl Screen {
         timing: Timing,
         provenance: Provenance,
         waits: bool,
+        is_file: bool,
     ) -> anyhow::Result<Self> {
         Ok(Self {
             sinks: Some(Sinks::open(&config, timing, &provenance)?),
@@ -90,6 +94,7 @@ impl Screen {
             timing,
             provenance,
             waits,
+            is_file,
             last: Stamp(0),
             lost: 0,
         })
@@ -143,11 +148,19 @@ impl Screen {
         // The last counts; a target that no longer takes them is said below.
         let _ = self.feed(self.last, Input::Stop);
         if let Some(sinks) = self.sinks.take() {
-            let closed = sinks.close(CLOSE_LIMIT);
+            let closed = sinks.close(if self.is_file {
+                FILE_CLOSE_LIMIT
+            } else {
+                VIEWER_CLOSE_LIMIT
+            });
             for notice in &closed.notices {
                 eprintln!("replay: {notice}\r");
             }
-            self.lost += closed.drops.views;
+            let unfinished = closed.sinks.iter().filter(|ended| ended.messages.is_none());
+            for ended in unfinished.clone() {
+                eprintln!("replay: {} did not take everything in time\r", ended.sink);
+            }
+            self.lost += closed.drops.views + unfinished.count() as u64;
         }
     }
 
