@@ -168,6 +168,21 @@ impl Link {
             .map_err(|error| declare(&key, &error))
     }
 
+    /// Publishes under a name of the caller's, `tandem/<robot>/<name>`, for what is no node's: a replay.
+    ///
+    /// # Errors
+    /// If Zenoh refuses.
+    pub fn publish_as(&self, name: &str, delivery: Delivery, pace: Pace, bytes: Vec<u8>) -> Result<(), LinkError> {
+        let key = format!("{}/{}/{name}", tandem_wire::keys::ROOT, self.robot);
+        let (priority, congestion, express) = quality(delivery, pace);
+        let put = self.session.put(&key, bytes);
+        put.priority(priority)
+            .congestion_control(congestion)
+            .express(express)
+            .wait()
+            .map_err(|error| declare(&key, &error))
+    }
+
     /// Publishes once, as an event, on a topic that has no publisher of its own: a trial's mark, for instance.
     ///
     /// # Errors

@@ -20,6 +20,8 @@
 //! every file and viewer has a thread behind a bounded queue, so that none of them can hold up the node. What does
 //! not fit is dropped, counted and shown.
 //!
+//! [`Recording`] reads a session file back, damaged or not, and [`repair`] makes a damaged one whole.
+//!
 //! The recorder refuses to know how messages travel, what a robot's joints are, and whether what it hears is good:
 //! it never takes part in a decision.
 //!
@@ -35,6 +37,7 @@ mod evidence;
 mod heard;
 mod node;
 mod ports;
+mod reader;
 mod session_file;
 mod sinks;
 mod tally;
@@ -44,6 +47,9 @@ pub use config::{BadSettings, Live, RecorderConfig, RecorderSettings, ViewTarget
 pub use evidence::{Evidence, Fault, NoEvidence, RecordedNode, Run};
 pub use heard::{Entry, Heard, JournalPart, Level, Note, Sample};
 pub use node::{Event, Output, Recorder};
+pub use reader::{
+    ChannelRead, Damage, NodeRecord, Noted, ReadError, Recorded, Recording, RepairError, Repaired, repair,
+};
 pub use session_file::{JOURNAL_ENCODING, Provenance, SessionFile, WriteError};
 pub use sinks::{Closed, Drops, Ended, Notice, OpenError, Sinks};
 pub use tally::{Counts, JournalCount, StreamCount};

@@ -210,6 +210,13 @@ impl Sinks {
         }
     }
 
+    /// How many outputs every sink can still take now: for whoever may wait, as a replay to a file does.
+    #[must_use]
+    pub fn room(&self) -> usize {
+        let feeds = self.file.iter().chain(&self.views);
+        feeds.map(Feed::room).min().unwrap_or(usize::MAX)
+    }
+
     /// What was dropped so far.
     #[must_use]
     pub fn drops(&self) -> Drops {

@@ -6,6 +6,8 @@ mod forecast;
 mod interrupt;
 mod latency;
 mod nodes;
+mod replay;
+mod session;
 mod shipped;
 mod summary;
 mod table;
@@ -45,8 +47,13 @@ enum Subcommands {
     RobotSim(nodes::RobotSimFlags),
     /// Runs the recorder's node: session file and live view.
     Recorder(nodes::RecorderFlags),
-    /// Executes a recorded session again and says whether the same came out.
-    Replay(verify::ReplayFlags),
+    /// Plays a recorded session, into Rerun or onto the network under another name.
+    Replay(replay::ReplayFlags),
+    /// Works with session files.
+    Session {
+        #[command(subcommand)]
+        command: session::SessionCommands,
+    },
     /// Trains a model from demonstrations.
     Train(train::TrainFlags),
     /// Prints a model's forecast for a context.
@@ -84,7 +91,8 @@ fn main() -> ExitCode {
         Subcommands::Arbiter(flags) => nodes::arbiter(&flags),
         Subcommands::RobotSim(flags) => nodes::robot_sim(&flags),
         Subcommands::Recorder(flags) => nodes::recorder(&flags),
-        Subcommands::Replay(flags) => verify::replay(&flags),
+        Subcommands::Replay(flags) => replay::run(&flags),
+        Subcommands::Session { command } => session::run(&command),
         Subcommands::Train(flags) => train::run(&flags),
         Subcommands::Forecast(flags) => forecast::run(&flags),
         Subcommands::Config {

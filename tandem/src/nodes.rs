@@ -55,7 +55,12 @@ pub(crate) struct NodeFlags {
 }
 
 impl NodeFlags {
-    fn configuration(&self, more: &[(&str, String)]) -> Result<Configuration, BadConfiguration> {
+    /// Whether they name anybody to talk to or as.
+    pub(crate) fn is_network(&self) -> bool {
+        self.robot.is_some() || !self.connect.is_empty() || !self.listen.is_empty()
+    }
+
+    pub(crate) fn configuration(&self, more: &[(&str, String)]) -> Result<Configuration, BadConfiguration> {
         let list = |endpoints: &[String]| format!("{endpoints:?}");
         let mut overrides = more.to_vec();
         overrides.extend(self.robot.iter().map(|robot| ("link.robot", robot.clone())));

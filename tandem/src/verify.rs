@@ -2,10 +2,9 @@
 
 use std::fs::File;
 use std::io::{BufReader, IsTerminal as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
-use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use tandem_recorder::Evidence;
@@ -17,25 +16,6 @@ use crate::{BUILD, Outcome, table};
 
 /// What takes longer shows how far it is.
 const PATIENCE: Duration = Duration::from_secs(1);
-
-#[derive(Args)]
-pub(crate) struct ReplayFlags {
-    /// The session file.
-    #[arg(value_name = "SESSION.mcap")]
-    session: PathBuf,
-    /// Executes every node again from its own journal and compares each output byte for byte. Exit code 0: identical;
-    /// 1: a node diverged; 3: the recording is incomplete.
-    #[arg(long, required = true)]
-    verify: bool,
-    /// Prints the verdicts as one JSON object.
-    #[arg(long)]
-    json: bool,
-}
-
-/// `tandem replay`.
-pub(crate) fn replay(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
-    run(&flags.session, flags.json)
-}
 
 /// Verifies the session file at `path` and prints what was found.
 pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<Outcome> {

@@ -176,6 +176,13 @@ impl Feed {
         }
     }
 
+    /// How many it can still take; none while the queue's memory is half used.
+    pub(super) fn room(&self) -> usize {
+        let waiting = self.line.waiting_bytes.load(Ordering::Relaxed);
+        let free = self.limits.messages.saturating_sub(self.queue.len());
+        if waiting > self.limits.bytes / 2 { 0 } else { free }
+    }
+
     /// Lets the thread empty its queue and end.
     pub(super) fn end(self) -> Ending {
         Ending {
@@ -339,6 +346,7 @@ mod tests {
             feed.offer(heard());
         }
         let drops = shared.drops().views;
+        assert_eq!(feed.room(), 0);
         assert!(
             (95..=96).contains(&drops),
             "four wait, one may be in its hands, {drops} were dropped"

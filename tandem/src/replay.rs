@@ -1,0 +1,424 @@
+//! `tandem replay`: plays a session file into a Rerun view, or onto the network under another robot's name.
+//!
+//! It never commands anybody: on the network it says what was seen (state, proposal, forecast, scene, trial), not what
+//! a robot obeys.
+
+mod keyboard;
+mod player;
+mod target;
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, bail};
+use clap::Args;
+use crossbeam_channel::{Receiver, never, select};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde_json::json;
+use tandem_link::{Clock, Link};
+use tandem_recorder::{Provenance, Recorded, RecorderConfig, RecorderSettings, Recording};
+use tandem_wire::{Nanos, Pace, RobotName, Stamp, Timing, Topic, keys, seconds};
+
+use crate::configuration::BadConfiguration;
+use crate::nodes::NodeFlags;
+use crate::session::{self, PLAYED};
+use crate::{BUILD, Outcome, interrupt, verify};
+use keyboard::{Key, Keyboard};
+use player::{Event, Output, Plan, Player, Speed};
+use target::{Network, Screen, Target};
+
+/// How often the progress bar moves.
+const REFRESH: Duration = Duration::from_millis(100);
+
+#[derive(Args)]
+pub(crate) struct ReplayFlags {
+    /// The session file.
+    #[arg(value_name = "SESSION.mcap")]
+    session: PathBuf,
+    /// Executes every node again from its own journal and compares each output byte for byte, instead of playing. Exit
+    /// code 0: identical; 1: a node diverged; 3: the recording is incomplete.
+    #[arg(long, conflicts_with_all = ["speed", "from", "until", "repeats", "topics", "view", "rrd", "robot", "listen", "connect"])]
+    verify: bool,
+    /// Times the recorded speed, 0.1 to 100, or max [default: 1, and max into a file].
+    #[arg(long, value_parser = speed)]
+    speed: Option<Speed>,
+    /// Begins this many seconds into the session.
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
+    from: f64,
+    /// Ends this many seconds into the session.
+    #[arg(long, value_name = "SECONDS")]
+    until: Option<f64>,
+    /// Begins again at the end.
+    #[arg(long = "loop")]
+    repeats: bool,
+    /// Plays these topics only, as in state,scene.
+    #[arg(long, value_name = "TOPICS", value_delimiter = ',', value_parser = topic)]
+    topics: Vec<Topic>,
+    /// Publishes a topic under another name, as in state=ghost-state.
+    #[arg(long, value_name = "TOPIC=NAME", value_parser = rename, requires = "robot")]
+    rename: Vec<(Topic, String)>,
+    /// Shows it in the Rerun viewer, at URL if one is given; this is the default.
+    #[arg(long, value_name = "URL", num_args = 0..=1, require_equals = true, default_missing_value = "", conflicts_with_all = ["robot", "listen", "connect"])]
+    view: Option<String>,
+    /// Writes a Rerun recording instead.
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["view", "repeats", "robot", "listen", "connect"])]
+    rrd: Option<PathBuf>,
+    /// Prints the summary as one JSON object.
+    #[arg(long)]
+    json: bool,
+    /// With --robot NAME and --listen or --connect it is published for others, under that name.
+    #[command(flatten)]
+    node: NodeFlags,
+}
+
+fn speed(text: &str) -> Result<Speed, String> {
+    if text == "max" {
+        return Ok(Speed::Max);
+    }
+    let times: f64 = text
+        .parse()
+        .map_err(|error| format!("{error}: write a number, or max"))?;
+    if !(0.1..=100.0).contains(&times) {
+        return Err("choose 0.1 to 100, or max".to_owned());
+    }
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "between 100 and 100 000"
+    )]
+    let per_mille = (times * 1000.0).round() as u32;
+    Ok(Speed::PerMille(per_mille))
+}
+
+fn topic(text: &str) -> Result<Topic, String> {
+    let known = PLAYED.into_iter().find(|topic| topic.suffix() == text);
+    known.ok_or_else(|| format!("choose from {}", PLAYED.map(Topic::suffix).join(", ")))
+}
+
+/// A new name must not be a topic of ours: renamed to "command", a state would be one.
+fn rename(text: &str) -> Result<(Topic, String), String> {
+    let (old, new) = text.split_once('=').ok_or("write TOPIC=NAME")?;
+    let old = topic(old)?;
+    let fits = new.parse::<RobotName>().is_ok() && keys::parse(&format!("{}/r/{new}", keys::ROOT)).is_none();
+    if fits {
+        Ok((old, new.to_owned()))
+    } else {
+        Err(format!(
+            "{new:?} cannot be used: choose letters, digits, '-' or '_', and no topic of Tandem's"
+        ))
+    }
+}
+
+pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
+    if flags.verify {
+        return verify::run(&flags.session, flags.json);
+    }
+    let interrupted = interrupt::catch()?;
+    let recording = session::load(&flags.session)?;
+    session::warn(&recording);
+    let timing = session::timing(&recording);
+    let messages: Vec<&Recorded> = recording
+        .messages
+        .iter()
+        .filter(|message| flags.topics.is_empty() || flags.topics.contains(&message.topic))
+        .filter(|message| !flags.node.is_network() || target::SHOWN.contains(&message.topic))
+        .collect();
+    let plan = Plan {
+        from: nanos(flags.from),
+        until: flags.until.map_or(u64::MAX, nanos),
+        speed: flags.speed.unwrap_or(if flags.rrd.is_some() {
+            Speed::Max
+        } else {
+            Speed::PerMille(1000)
+        }),
+        repeats: flags.repeats,
+    };
+    if Player::new(instants(&messages, timing), plan, Stamp(0)).is_empty() {
+        bail!("there is nothing to play: no message of these topics lies between --from and --until");
+    }
+    let target = open(flags, &recording, timing)?;
+    let began = Instant::now();
+    let is_live = flags.rrd.is_none();
+    let mut show = Show::new(&messages, timing, plan, target, is_live, interrupted);
+    let played = show.run();
+    let report = show.end();
+    played?;
+    report.print(flags, &recording, began.elapsed());
+    Ok(if report.lost > 0 {
+        Outcome::SamplesLost
+    } else {
+        Outcome::Done
+    })
+}
+
+fn open(flags: &ReplayFlags, recording: &Recording, timing: Timing) -> anyhow::Result<Target> {
+    if flags.node.is_network() {
+        return network(flags, recording);
+    }
+    let robot = recording
+        .robot
+        .clone()
+        .context("the file does not say which robot it is about")?;
+    let provenance = Provenance {
+        robot,
+        build: BUILD.to_owned(),
+        epoch_unix_nanos: recording.epoch_unix_nanos,
+    };
+    let mut settings = RecorderSettings::default();
+    match (&flags.rrd, flags.view.as_deref()) {
+        (Some(path), _) => settings.rrd = path.display().to_string(),
+        (None, None | Some("")) => settings.live = tandem_recorder::Live::Spawn,
+        (None, Some(url)) => {
+            settings.live = tandem_recorder::Live::Connect;
+            url.clone_into(&mut settings.viewer);
+        }
+    }
+    let config = RecorderConfig::new(&settings).map_err(|error| BadConfiguration::Conflict(error.to_string()))?;
+    let is_file = flags.rrd.is_some();
+    let waits = is_file || flags.speed == Some(Speed::Max);
+    Ok(Target::View(Box::new(Screen::open(
+        config, timing, provenance, waits, is_file,
+    )?)))
+}
+
+fn network(flags: &ReplayFlags, recording: &Recording) -> anyhow::Result<Target> {
+    let settings = flags.node.configuration(&[])?.link;
+    if recording
+        .robot
+        .as_ref()
+        .is_some_and(|robot| robot.as_str() == settings.robot)
+    {
+        let why = format!(
+            "{:?} is the recorded robot's own name: give the replay another one with --robot NAME",
+            settings.robot
+        );
+        return Err(BadConfiguration::Conflict(why).into());
+    }
+    let pace = match flags.speed {
+        Some(Speed::Max) => Pace::Lockstep,
+        _ => Pace::Real,
+    };
+    let link = Link::open(&settings)?;
+    Ok(Target::Network(Network::open(link, pace, flags.rename.clone())?))
+}
+
+/// When each message happened on the session's time axis, from the first one on: by arrival, or in lockstep, whose
+/// messages arrive as fast as they can, by tick. Marks without a tick of their own stay where they arrived.
+fn instants(messages: &[&Recorded], timing: Timing) -> Vec<Nanos> {
+    let mut newest = 0;
+    let stamps = messages.iter().map(|message| {
+        let at = match timing.pace {
+            Pace::Real => message.at,
+            Pace::Lockstep => Stamp::of_tick(message.header.tick, timing.period),
+        };
+        newest = at.0.max(newest);
+        newest
+    });
+    let stamps: Vec<_> = stamps.collect();
+    let first = stamps.first().copied().unwrap_or(0);
+    stamps.into_iter().map(|at| at - first).collect()
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a cast of a number stops at the ends"
+)]
+fn nanos(seconds: f64) -> Nanos {
+    (seconds * 1e9).round() as Nanos
+}
+
+/// The player in its shell: clock, keys, target.
+struct Show<'a> {
+    messages: &'a [&'a Recorded],
+    player: Player,
+    target: Target,
+    clock: Clock,
+    keyboard: Option<Keyboard>,
+    interrupted: Receiver<()>,
+    bar: ProgressBar,
+    outputs: Vec<Output>,
+    late: Vec<Nanos>,
+    passes: u64,
+    played: u64,
+}
+
+impl<'a> Show<'a> {
+    fn new(
+        messages: &'a [&'a Recorded],
+        timing: Timing,
+        plan: Plan,
+        target: Target,
+        is_live: bool,
+        interrupted: Receiver<()>,
+    ) -> Self {
+        let clock = Clock::of_process();
+        let instants = instants(messages, timing);
+        let bar = ProgressBar::with_draw_target(
+            Some(instants.last().map_or(0, |last| last / 1_000_000)),
+            ProgressDrawTarget::stderr(),
+        );
+        let style = ProgressStyle::with_template("{bar:40} {msg}");
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        let keyboard = is_live.then(Keyboard::open);
+        if keyboard.as_ref().is_some_and(Keyboard::is_there) {
+            eprintln!("{}\r", keyboard::HELP);
+        }
+        Self {
+            messages,
+            player: Player::new(instants, plan, clock.now()),
+            target,
+            clock,
+            keyboard,
+            interrupted,
+            bar,
+            outputs: Vec::new(),
+            late: Vec::with_capacity(messages.len()),
+            passes: 1,
+            played: 0,
+        }
+    }
+
+    fn run(&mut self) -> anyhow::Result<()> {
+        self.show_what_holds(self.player.next())?;
+        loop {
+            let Some(event) = self.next_event() else { return Ok(()) };
+            self.player.step(self.clock.now(), event, &mut self.outputs);
+            let outputs = std::mem::take(&mut self.outputs);
+            for output in &outputs {
+                match *output {
+                    Output::Play { index, due } => self.play(index, due)?,
+                    Output::Jumped { to } => self.jump(to)?,
+                    Output::Ended => return Ok(()),
+                }
+            }
+            self.outputs = outputs;
+            self.outputs.clear();
+        }
+    }
+
+    /// The next key or the deadline, whichever comes first; `None` when it shall end.
+    fn next_event(&self) -> Option<Event> {
+        let silent = never();
+        let keys = self.keyboard.as_ref().map_or(&silent, Keyboard::keys);
+        loop {
+            let now = Instant::now();
+            let refresh = now + REFRESH;
+            let due = self.player.deadline().map(|due| self.clock.instant(due));
+            let until = due.map_or(refresh, |due| due.min(refresh));
+            self.draw();
+            let key = select! {
+                recv(self.interrupted) -> _ => Some(Key::Quit),
+                recv(keys) -> key => key.ok(),
+                default(until.saturating_duration_since(now)) => None,
+            };
+            match key {
+                Some(Key::Quit) => return None,
+                Some(Key::Player(event)) => return Some(event),
+                None if due == Some(until) || until <= now => return Some(Event::Wake),
+                None => {}
+            }
+        }
+    }
+
+    fn play(&mut self, index: usize, due: Stamp) -> anyhow::Result<()> {
+        let Some(message) = self.messages.get(index) else {
+            return Ok(());
+        };
+        self.late.push(self.clock.now().since(due));
+        self.played += 1;
+        self.target.play(message)
+    }
+
+    fn jump(&mut self, to: usize) -> anyhow::Result<()> {
+        self.passes += 1;
+        self.target.begin_again()?;
+        self.show_what_holds(to)
+    }
+
+    /// Whoever looks from here on needs the surroundings, the trial and the forecast that hold here.
+    fn show_what_holds(&mut self, here: usize) -> anyhow::Result<()> {
+        let before = self.messages.get(..here).unwrap_or_default();
+        let newest = |topic: &Topic| before.iter().rposition(|message| message.topic == *topic);
+        let topics = [Topic::Scene, Topic::Trial, Topic::Forecast];
+        let mut lasting: Vec<usize> = topics.iter().filter_map(newest).collect();
+        lasting.sort_unstable();
+        lasting
+            .into_iter()
+            .try_for_each(|index| self.target.play(before[index]))
+    }
+
+    fn draw(&self) {
+        let at = self.player.position(self.clock.now());
+        let speed = match self.player.speed() {
+            _ if self.player.is_paused() => "paused".to_owned(),
+            Speed::Max => "max".to_owned(),
+            Speed::PerMille(speed) => format!("× {}", f64::from(speed) / 1000.0),
+        };
+        self.bar.set_position(at / 1_000_000);
+        let length = self.bar.length().unwrap_or(0);
+        self.bar
+            .set_message(format!("{:.1} of {:.1} s  {speed}", seconds(at), length as f64 * 1e-3));
+    }
+
+    fn end(mut self) -> Report {
+        self.bar.finish_and_clear();
+        self.keyboard = None;
+        self.late.sort_unstable();
+        Report {
+            played: self.played,
+            passes: self.passes,
+            is_paced: self.player.speed() != Speed::Max,
+            lost: self.target.close(),
+            late: self.late,
+        }
+    }
+}
+
+/// How it went.
+struct Report {
+    played: u64,
+    passes: u64,
+    is_paced: bool,
+    lost: u64,
+    /// How late each message was, sorted.
+    late: Vec<Nanos>,
+}
+
+impl Report {
+    /// The time that this part of the messages was late at most, in milliseconds.
+    fn late_ms(&self, per_mille: usize) -> Option<f64> {
+        let index = (self.late.len() * per_mille / 1000).min(self.late.len().saturating_sub(1));
+        let late = self.late.get(index).filter(|_| self.is_paced)?;
+        Some(seconds(*late) * 1e3)
+    }
+
+    fn print(&self, flags: &ReplayFlags, recording: &Recording, wall: Duration) {
+        let late = [500, 990, 1000].map(|part| self.late_ms(part));
+        if flags.json {
+            let damage: Vec<_> = recording.damage.iter().map(ToString::to_string).collect();
+            let object = json!({
+                "messages_played": self.played,
+                "passes": self.passes,
+                "messages_lost": self.lost,
+                "wall_s": wall.as_secs_f64(),
+                "pacing_error_p50_ms": late[0],
+                "pacing_error_p99_ms": late[1],
+                "pacing_error_max_ms": late[2],
+                "damage": damage,
+            });
+            println!("{object}");
+            return;
+        }
+        eprintln!(
+            "replay: {} messages played; the target missed {}",
+            self.played, self.lost
+        );
+        if let [Some(p50), Some(p99), Some(max)] = late {
+            eprintln!("replay: late by p50 {p50:.2} ms, p99 {p99:.2} ms, at most {max:.2} ms");
+        }
+        if let Some(path) = &flags.rrd {
+            println!("rerun {}", path.display());
+        }
+    }
+}

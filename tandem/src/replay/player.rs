@@ -1,0 +1,478 @@
+//! What plays a session: a machine without a clock, over the instants of its messages.
+//!
+//! ```text
+//!            Toggle, Step, seeking to the end
+//!   Running ─────────────────────────────────▶ Paused
+//!     │  ▲                                       │
+//!     │  └────────────── Toggle ─────────────────┘
+//!     └── the last message, unless it loops ──▶ Ended
+//! ```
+//!
+//! Every due time is counted from the moment at which playing began, resumed or changed its speed, never from the
+//! message before, so that lateness does not add up. Messages of equal instants keep their order.
+
+use std::ops::Range;
+
+use tandem_wire::{MILLISECOND, Nanos, Stamp};
+
+/// Speeds that a key changes to, in thousandths.
+const STEPS: [u32; 10] = [100, 250, 500, 1000, 2000, 5000, 10_000, 25_000, 50_000, 100_000];
+/// A pass of a loop takes at least this long, or a single instant would be repeated without end or pause.
+const SHORTEST_PASS: Nanos = MILLISECOND;
+/// At the highest speed this many messages are played before a key is looked for.
+const BURST: usize = 64;
+
+/// How fast time passes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Speed {
+    /// In thousandths of the recorded speed.
+    PerMille(u32),
+    /// As fast as the target takes it.
+    Max,
+}
+
+/// What is to be played, and how.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plan {
+    /// The first instant that is played.
+    pub from: Nanos,
+    /// The last one.
+    pub until: Nanos,
+    /// How fast.
+    pub speed: Speed,
+    /// Whether it begins again at the end.
+    pub repeats: bool,
+}
+
+/// What can happen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Event {
+    /// The deadline came.
+    Wake,
+    /// Pause, or go on.
+    Toggle,
+    /// Pause, and play the next instant.
+    Step,
+    /// Pause, and go back to the instant before.
+    StepBack,
+    /// Go this far, in nanoseconds.
+    SeekBy(i64),
+    /// Go to the beginning.
+    Home,
+    /// Go to the end, and pause there.
+    End,
+    /// The next higher speed.
+    Faster,
+    /// The next lower speed.
+    Slower,
+}
+
+/// What follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Output {
+    /// Play this message, which was due at this time.
+    Play { index: usize, due: Stamp },
+    /// What is played next does not follow what was played last.
+    Jumped { to: usize },
+    /// Everything was played.
+    Ended,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Running { since: Stamp, at: Nanos },
+    Paused { at: Nanos },
+    Ended,
+}
+
+/// The player.
+#[derive(Clone, Debug)]
+pub(crate) struct Player {
+    instants: Vec<Nanos>,
+    range: Range<usize>,
+    plan: Plan,
+    next: usize,
+    state: State,
+}
+
+impl Player {
+    /// A player of messages at these instants, which do not decrease; it begins at `now`.
+    pub(crate) fn new(instants: Vec<Nanos>, plan: Plan, now: Stamp) -> Self {
+        let last = instants.last().copied().unwrap_or(0);
+        let until = plan.until.min(last);
+        let from = plan.from.min(until);
+        let range = instants.partition_point(|at| *at < plan.from)..instants.partition_point(|at| *at <= plan.until);
+        // Turned around or beyond the end, they leave nothing to play.
+        let range = range.start..range.end.max(range.start);
+        Self {
+            next: range.start,
+            instants,
+            range,
+            plan: Plan { from, until, ..plan },
+            state: State::Running { since: now, at: from },
+        }
+    }
+
+    /// When it next wants to be woken; `None` while it waits for a key.
+    pub(crate) fn deadline(&self) -> Option<Stamp> {
+        match self.state {
+            State::Running { .. } => Some(self.due(self.upcoming().unwrap_or(self.plan.until))),
+            State::Paused { .. } | State::Ended => None,
+        }
+    }
+
+    /// Where it stands.
+    pub(crate) fn position(&self, now: Stamp) -> Nanos {
+        match (self.state, self.plan.speed) {
+            (State::Running { since, at }, Speed::PerMille(speed)) => {
+                let gone = u128::from(now.since(since)) * u128::from(speed) / 1000;
+                at.saturating_add(u64::try_from(gone).unwrap_or(u64::MAX))
+                    .min(self.plan.until)
+            }
+            (State::Running { .. }, Speed::Max) => self.upcoming().unwrap_or(self.plan.until),
+            (State::Paused { at }, _) => at,
+            (State::Ended, _) => self.plan.until,
+        }
+    }
+
+    /// Whether there is nothing to play.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.range.is_empty()
+    }
+
+    /// The message that is played next.
+    pub(crate) const fn next(&self) -> usize {
+        self.next
+    }
+
+    pub(crate) const fn speed(&self) -> Speed {
+        self.plan.speed
+    }
+
+    pub(crate) const fn is_paused(&self) -> bool {
+        matches!(self.state, State::Paused { .. })
+    }
+
+    /// Takes in one event and adds what follows from it.
+    pub(crate) fn step(&mut self, now: Stamp, event: Event, outputs: &mut Vec<Output>) {
+        if self.state == State::Ended {
+            return;
+        }
+        match event {
+            Event::Wake => self.wake(now, outputs),
+            Event::Toggle => {
+                let at = self.position(now);
+                self.state = match self.state {
+                    State::Paused { .. } => State::Running { since: now, at },
+                    _ => State::Paused { at },
+                };
+            }
+            Event::Step => self.step_on(now, outputs),
+            Event::StepBack => {
+                let before = self.next.saturating_sub(1).max(self.range.start);
+                let at = self.instants.get(before).copied().unwrap_or(self.plan.from);
+                self.seek(now, at, outputs);
+                self.state = State::Paused { at };
+            }
+            Event::SeekBy(distance) => self.seek(now, self.position(now).saturating_add_signed(distance), outputs),
+            Event::Home => self.seek(now, self.plan.from, outputs),
+            Event::End => {
+                self.seek(now, self.plan.until, outputs);
+                self.state = State::Paused { at: self.plan.until };
+            }
+            Event::Faster | Event::Slower => self.change_speed(now, event == Event::Faster),
+        }
+    }
+
+    fn wake(&mut self, now: Stamp, outputs: &mut Vec<Output>) {
+        let position = self.position(now);
+        if !matches!(self.state, State::Running { .. }) {
+            return;
+        }
+        let burst = match self.plan.speed {
+            Speed::Max => BURST,
+            Speed::PerMille(_) => usize::MAX,
+        };
+        let mut played = 0;
+        while let Some(at) = self.upcoming() {
+            let is_due = self.plan.speed == Speed::Max || at <= position;
+            if !is_due || played == burst {
+                return;
+            }
+            let due = if self.plan.speed == Speed::Max {
+                now
+            } else {
+                self.due(at)
+            };
+            outputs.push(Output::Play { index: self.next, due });
+            self.next += 1;
+            played += 1;
+        }
+        if self.plan.speed == Speed::Max || now >= self.due(self.plan.until) {
+            self.finish(now, outputs);
+        }
+    }
+
+    fn finish(&mut self, now: Stamp, outputs: &mut Vec<Output>) {
+        if !self.plan.repeats || self.range.is_empty() {
+            self.state = State::Ended;
+            outputs.push(Output::Ended);
+            return;
+        }
+        let ended = match self.plan.speed {
+            Speed::Max => now,
+            Speed::PerMille(_) => self.due(self.plan.until),
+        };
+        let pass = self.plan.until.saturating_sub(self.plan.from);
+        let since = ended.after(SHORTEST_PASS.saturating_sub(pass));
+        let at = self.plan.from;
+        self.state = State::Running { since, at };
+        self.next = self.range.start;
+        outputs.push(Output::Jumped { to: self.next });
+    }
+
+    fn step_on(&mut self, now: Stamp, outputs: &mut Vec<Output>) {
+        let at = self.upcoming().unwrap_or(self.plan.until);
+        while self.upcoming() == Some(at) {
+            outputs.push(Output::Play {
+                index: self.next,
+                due: now,
+            });
+            self.next += 1;
+        }
+        self.state = State::Paused { at };
+    }
+
+    fn seek(&mut self, now: Stamp, to: Nanos, outputs: &mut Vec<Output>) {
+        let at = to.clamp(self.plan.from, self.plan.until);
+        self.next = self
+            .instants
+            .partition_point(|instant| *instant < at)
+            .max(self.range.start);
+        if matches!(self.state, State::Running { .. }) {
+            self.state = State::Running { since: now, at };
+        } else {
+            self.state = State::Paused { at };
+        }
+        outputs.push(Output::Jumped { to: self.next });
+    }
+
+    fn change_speed(&mut self, now: Stamp, faster: bool) {
+        let at = self.position(now);
+        let speed = match self.plan.speed {
+            Speed::Max => None,
+            Speed::PerMille(speed) => Some(speed),
+        };
+        let changed = match (speed, faster) {
+            (None, true) => return,
+            (None, false) => STEPS.last().copied(),
+            (Some(speed), true) => STEPS.iter().copied().find(|step| *step > speed),
+            (Some(speed), false) => Some(STEPS.iter().copied().rfind(|step| *step < speed).unwrap_or(STEPS[0])),
+        };
+        self.plan.speed = changed.map_or(Speed::Max, Speed::PerMille);
+        if matches!(self.state, State::Running { .. }) {
+            self.state = State::Running { since: now, at };
+        }
+    }
+
+    fn upcoming(&self) -> Option<Nanos> {
+        self.instants
+            .get(self.next)
+            .copied()
+            .filter(|_| self.next < self.range.end)
+    }
+
+    /// When an instant is due, rounded up: never early.
+    fn due(&self, instant: Nanos) -> Stamp {
+        match (self.state, self.plan.speed) {
+            (State::Running { since, at }, Speed::PerMille(speed)) => {
+                let ahead = u128::from(instant.saturating_sub(at)) * 1000;
+                since.after(u64::try_from(ahead.div_ceil(u128::from(speed.max(1)))).unwrap_or(u64::MAX))
+            }
+            (State::Running { since, .. }, Speed::Max) => since,
+            (State::Paused { .. } | State::Ended, _) => Stamp(u64::MAX),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = MILLISECOND;
+
+    fn plan(speed: u32) -> Plan {
+        Plan {
+            from: 0,
+            until: u64::MAX,
+            speed: Speed::PerMille(speed),
+            repeats: false,
+        }
+    }
+
+    fn player(plan: Plan) -> Player {
+        Player::new(vec![0, 10 * MS, 10 * MS, 30 * MS], plan, Stamp(1000 * MS))
+    }
+
+    /// Follows the deadlines until the player stops asking, and says what was played when, in milliseconds.
+    fn played(player: &mut Player, most: usize) -> Vec<(usize, u64)> {
+        let mut told = Vec::new();
+        while told.len() < most
+            && let Some(now) = player.deadline()
+        {
+            let mut outputs = Vec::new();
+            player.step(now, Event::Wake, &mut outputs);
+            told.extend(outputs.into_iter().filter_map(|output| match output {
+                Output::Play { index, due } => {
+                    assert!(due <= now, "never early");
+                    Some((index, due.0 / MS - 1000))
+                }
+                _ => None,
+            }));
+        }
+        told
+    }
+
+    #[test]
+    fn messages_come_at_their_instants_and_in_their_order() {
+        assert_eq!(played(&mut player(plan(1000)), 9), [(0, 0), (1, 10), (2, 10), (3, 30)]);
+        assert_eq!(played(&mut player(plan(500)), 9), [(0, 0), (1, 20), (2, 20), (3, 60)]);
+        assert_eq!(played(&mut player(plan(10_000)), 9), [(0, 0), (1, 1), (2, 1), (3, 3)]);
+    }
+
+    #[test]
+    fn a_late_wake_does_not_shift_what_follows() {
+        let mut player = player(plan(1000));
+        let mut outputs = Vec::new();
+        player.step(Stamp(1025 * MS), Event::Wake, &mut outputs);
+        assert_eq!(outputs.len(), 3);
+        assert_eq!(player.deadline(), Some(Stamp(1030 * MS)));
+    }
+
+    #[test]
+    fn from_and_until_bound_what_is_played() {
+        let bounded = Plan {
+            from: 5 * MS,
+            until: 10 * MS,
+            ..plan(1000)
+        };
+        assert_eq!(played(&mut player(bounded), 9), [(1, 5), (2, 5)]);
+        let beyond = Plan {
+            from: 99 * MS,
+            ..plan(1000)
+        };
+        assert_eq!(played(&mut player(beyond), 9), []);
+        let turned = Plan {
+            from: 20 * MS,
+            until: 5 * MS,
+            ..plan(1000)
+        };
+        assert_eq!(played(&mut player(turned), 9), []);
+        assert_eq!(played(&mut Player::new(vec![], plan(1000), Stamp(0)), 9), []);
+    }
+
+    #[test]
+    fn a_loop_begins_again_where_the_last_pass_was_due_to_end() {
+        let mut player = player(Plan {
+            repeats: true,
+            ..plan(1000)
+        });
+        let told = played(&mut player, 8);
+        assert_eq!(told[4..], [(0, 30), (1, 40), (2, 40), (3, 60)]);
+    }
+
+    #[test]
+    fn a_loop_of_one_instant_still_lets_time_pass() {
+        let mut player = Player::new(
+            vec![7],
+            Plan {
+                repeats: true,
+                ..plan(1000)
+            },
+            Stamp(1000 * MS),
+        );
+        assert_eq!(played(&mut player, 3), [(0, 0), (0, 1), (0, 2)]);
+    }
+
+    #[test]
+    fn the_highest_speed_waits_for_nothing_and_looks_for_keys_between() {
+        let mut player = Player::new(
+            (0..200).map(|i| i * MS).collect(),
+            Plan {
+                speed: Speed::Max,
+                ..plan(1)
+            },
+            Stamp(5),
+        );
+        let mut outputs = Vec::new();
+        player.step(Stamp(6), Event::Wake, &mut outputs);
+        assert_eq!(outputs.len(), BURST);
+        while player.deadline().is_some() {
+            player.step(Stamp(6), Event::Wake, &mut outputs);
+        }
+        assert_eq!((outputs.len(), outputs.last()), (201, Some(&Output::Ended)));
+    }
+
+    #[test]
+    fn a_pause_takes_no_time_from_the_session() {
+        let mut player = player(plan(1000));
+        let mut outputs = Vec::new();
+        player.step(Stamp(1004 * MS), Event::Toggle, &mut outputs);
+        assert_eq!(player.deadline(), None);
+        player.step(Stamp(9000 * MS), Event::Toggle, &mut outputs);
+        assert_eq!(player.position(Stamp(9001 * MS)), 5 * MS);
+    }
+
+    #[test]
+    fn a_step_plays_one_instant_and_a_step_back_returns_to_it() {
+        let mut player = player(plan(1000));
+        let mut outputs = Vec::new();
+        let now = Stamp(1000 * MS);
+        player.step(now, Event::Step, &mut outputs);
+        player.step(now, Event::Step, &mut outputs);
+        assert_eq!(outputs.len(), 3, "the second instant has two messages");
+        assert_eq!(player.position(now), 10 * MS);
+        outputs.clear();
+        player.step(now, Event::StepBack, &mut outputs);
+        assert_eq!(outputs, [Output::Jumped { to: 1 }]);
+        for _ in 0..9 {
+            player.step(now, Event::Step, &mut outputs);
+        }
+        assert_eq!(player.position(now), 30 * MS, "stepping beyond the end stays there");
+    }
+
+    #[test]
+    fn seeking_stays_inside_the_session() {
+        let mut player = player(plan(1000));
+        let mut outputs = Vec::new();
+        let now = Stamp(1002 * MS);
+        for (event, to) in [
+            (Event::SeekBy(i64::MAX), 3),
+            (Event::SeekBy(i64::MIN), 0),
+            (Event::End, 3),
+            (Event::Home, 0),
+        ] {
+            outputs.clear();
+            player.step(now, event, &mut outputs);
+            assert_eq!(outputs, [Output::Jumped { to }], "{event:?}");
+        }
+        assert!(player.is_paused(), "the end pauses, so that one can look at it");
+    }
+
+    #[test]
+    fn a_change_of_speed_goes_on_from_where_it_is() {
+        let mut player = player(plan(1000));
+        let now = Stamp(1004 * MS);
+        player.step(now, Event::Faster, &mut Vec::new());
+        assert_eq!((player.speed(), player.position(now)), (Speed::PerMille(2000), 4 * MS));
+        assert_eq!(player.position(Stamp(1005 * MS)), 6 * MS);
+        for _ in 0..20 {
+            player.step(now, Event::Faster, &mut Vec::new());
+        }
+        assert_eq!(player.speed(), Speed::Max);
+        for _ in 0..20 {
+            player.step(now, Event::Slower, &mut Vec::new());
+        }
+        assert_eq!(player.speed(), Speed::PerMille(100));
+    }
+}
