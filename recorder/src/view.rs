@@ -22,11 +22,12 @@ mod plots;
 mod status;
 mod surroundings;
 mod trace;
+mod trials;
 mod wishes;
 
 use rerun::external::re_sdk_types::SerializedComponentBatch;
 use rerun::{AsComponents, TimeCell, TimePoint};
-use tandem_wire::{MessageId, Scene, Setpoint, Stamp, State, Timing, Trial, Vec3};
+use tandem_wire::{MessageId, Nanos, Scene, Setpoint, Stamp, State, Timing, Trial, Vec3};
 
 use crate::heard::{Entry, Heard, Sample};
 use crate::sinks::Drops;
@@ -34,6 +35,7 @@ use log::Log;
 use plots::Latency;
 use status::Status;
 use trace::Trace;
+pub(crate) use trials::Trials;
 use wishes::Wished;
 
 /// One thing to be drawn.
@@ -47,18 +49,23 @@ pub struct Drawing {
     pub batches: Vec<SerializedComponentBatch>,
 }
 
-/// A place on both timelines.
+/// A place on the timelines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Moment {
     /// Timeline `tick`.
     pub tick: u32,
     /// Timeline `session_time`.
     pub session_time: Stamp,
+    /// Timeline `trial_time`: since the recording's beginning, which is the trial's.
+    pub trial_time: Nanos,
 }
 
 /// Turns what was heard into what is seen.
 #[derive(Debug)]
 pub struct View {
+    timing: Timing,
+    /// Where `trial_time` is zero.
+    origin: Stamp,
     scene: Option<Scene>,
     /// The tool's newest position: where the arrows start.
     tool: Option<Vec3>,
@@ -93,6 +100,8 @@ impl View {
     #[must_use]
     pub fn new(timing: Timing) -> Self {
         Self {
+            timing,
+            origin: Stamp(0),
             scene: None,
             tool: None,
             log: Log::default(),
@@ -114,12 +123,28 @@ impl View {
         drawings
     }
 
-    /// Draws one thing that was heard; `drops` so far go with the counts.
-    pub fn draw(&mut self, heard: &Heard, drops: Drops, drawings: &mut Vec<Drawing>) {
-        let moment = Moment {
+    /// Begins a recording of its own at `heard`: all is forgotten but the surroundings, which are drawn again.
+    pub fn begin_recording(&mut self, heard: &Heard, drawings: &mut Vec<Drawing>) {
+        let scene = self.scene.take();
+        *self = Self::new(self.timing);
+        self.origin = heard.session_time;
+        let moment = self.moment(heard);
+        if let Some(scene) = scene {
+            self.draw_scene(&scene, &mut Sheet { moment, drawings });
+        }
+    }
+
+    fn moment(&self, heard: &Heard) -> Moment {
+        Moment {
             tick: heard.tick,
             session_time: heard.session_time,
-        };
+            trial_time: heard.session_time.since(self.origin),
+        }
+    }
+
+    /// Draws one thing that was heard; `drops` so far go with the counts.
+    pub fn draw(&mut self, heard: &Heard, drops: Drops, drawings: &mut Vec<Drawing>) {
+        let moment = self.moment(heard);
         let mut sheet = Sheet { moment, drawings };
         match &heard.entry {
             Entry::Note(note) => self.log.draw(heard.at, note, &mut sheet),
@@ -252,10 +277,11 @@ impl Sheet<'_> {
 
 impl From<Moment> for TimePoint {
     fn from(moment: Moment) -> Self {
-        let nanos = i64::try_from(moment.session_time.0).unwrap_or(i64::MAX);
+        let lasting = |nanos| TimeCell::from_duration_nanos(i64::try_from(nanos).unwrap_or(i64::MAX));
         Self::from([
             (layout::TICK, TimeCell::from_sequence(i64::from(moment.tick))),
-            (layout::SESSION_TIME, TimeCell::from_duration_nanos(nanos)),
+            (layout::SESSION_TIME, lasting(moment.session_time.0)),
+            (layout::TRIAL_TIME, lasting(moment.trial_time)),
         ])
     }
 }

@@ -21,6 +21,9 @@ pub(crate) const TICK: &str = "tick";
 /// The timeline of seconds since the session began.
 pub(crate) const SESSION_TIME: &str = "session_time";
 
+/// The timeline of seconds since the trial began: what the layout shows.
+pub(crate) const TRIAL_TIME: &str = "trial_time";
+
 /// The plan shows this much, in metres: the shipped task with the arm's reach around it.
 const PLAN_ACROSS: [f64; 2] = [-0.34, 0.34];
 const PLAN_DOWN: [f64; 2] = [0.29, 0.63];
@@ -75,7 +78,7 @@ struct ViewSpec<'a> {
 
 impl Sketch<'_> {
     fn draw(mut self) -> RecordingStreamResult<()> {
-        let left = [self.now(0.75)?, self.world(5.6)?, self.lanes(1.7)?, self.log(1.6)?];
+        let left = [self.now(0.75)?, self.world(5.6)?, self.lanes(1.7)?, self.log(1.9)?];
         let left = self.container(ContainerKind::Vertical, "who drives", &left, 1.25)?;
         let right = [
             self.plan(4.2)?,
@@ -102,7 +105,7 @@ impl Sketch<'_> {
         self.blueprint.log("selection_panel", &hidden)?;
         let time = TimePanelBlueprint::new()
             .with_state(PanelState::Collapsed)
-            .with_timeline(SESSION_TIME)
+            .with_timeline(TRIAL_TIME)
             .with_play_state(PlayState::Following);
         self.blueprint.log("time_panel", &time)
     }
@@ -180,7 +183,7 @@ impl Sketch<'_> {
         let columns = TextLogColumns::new()
             .with_timeline_columns([TimelineColumn {
                 visible: true.into(),
-                timeline: SESSION_TIME.into(),
+                timeline: TRIAL_TIME.into(),
             }])
             .with_text_log_columns([column(TextLogColumnKind::LogLevel), column(TextLogColumnKind::Body)]);
         self.view(&ViewSpec {
