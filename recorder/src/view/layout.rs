@@ -289,6 +289,7 @@ impl Sketch<'_> {
 fn free_corner(origin: &str) -> Corner2D {
     match origin {
         "plots/interval" | "plots/ratio" | "plots/across" | "plots/latency" | "plots/lost" => Corner2D::LeftTop,
+        "plots/driver" => Corner2D::LeftBottom,
         _ => Corner2D::RightTop,
     }
 }
