@@ -14,6 +14,8 @@ choices! {
         Connect = "connect",
         /// The one that listens on this machine's usual port, or else a new one, if `rerun` is on the PATH.
         Spawn = "spawn",
+        /// A server on this machine, started if none is there, which browsers and viewers come to.
+        Serve = "serve",
     }
 }
 
@@ -25,8 +27,8 @@ settings! {
         /// The Rerun recording (.rrd); nothing is written if this is empty.
         pub rrd: String = "";
         /// Whether the Rerun recording ends with an index, which makes it quick to jump in and is kept in memory until
-        /// then: some 16 MiB a minute at 50 Hz. For sessions of hours, leave it out; `rerun rrd optimize` adds it later.
-        pub rrd_index: bool = true;
+        /// then: some 16 MiB a minute at 50 Hz. Sessions of hours go without; `rerun rrd optimize` adds it later.
+        pub rrd_index: bool = false;
         /// The live Rerun viewer to feed.
         pub live: Live = Live::None;
         /// Where a viewer listens, for live = "connect".
@@ -41,6 +43,9 @@ settings! {
         pub file_queue_mib: usize = 32, in 8..=1024;
         /// Messages that may wait for each view; more are dropped and counted.
         pub view_queue: usize = 1024, in 16..=65536;
+        /// Memory for what a viewer that comes late or comes back is shown again, in MiB: at 50 Hz about ten seconds
+        /// each.
+        pub view_history_mib: usize = 16, in 1..=64;
     }
 }
 
@@ -70,6 +75,8 @@ pub enum ViewTarget {
     Connect(String),
     /// To a viewer on this machine, started if none is there.
     Spawn,
+    /// To a server on this machine, started if none is there.
+    Serve,
 }
 
 /// Checked settings: nothing is left to validate.
@@ -83,6 +90,7 @@ pub struct RecorderConfig {
     pub(crate) file_queue: usize,
     pub(crate) file_queue_bytes: usize,
     pub(crate) view_queue: usize,
+    pub(crate) view_history_bytes: usize,
 }
 
 impl RecorderConfig {
@@ -105,6 +113,7 @@ impl RecorderConfig {
                 return Err(BadSettings::Viewer { url });
             }
             Live::Spawn => Some(ViewTarget::Spawn),
+            Live::Serve => Some(ViewTarget::Serve),
         };
         Ok(Self {
             session_file,
@@ -115,6 +124,7 @@ impl RecorderConfig {
             file_queue: settings.file_queue,
             file_queue_bytes: settings.file_queue_mib << 20,
             view_queue: settings.view_queue,
+            view_history_bytes: settings.view_history_mib << 20,
         })
     }
 }

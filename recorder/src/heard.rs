@@ -110,6 +110,7 @@ impl Sample {
     pub fn weight_bytes(&self) -> usize {
         let behind = match self {
             Self::State(message) => size_of_val(message.as_ref()),
+            Self::Setpoint(message) => size_of_val(message.as_ref()),
             Self::Forecast(message) => size_of_val(message.body.points.as_slice()),
             Self::Journal(part) => part.bytes.len(),
             Self::Info(_, message) => message.body.model.len() + message.body.config.len(),

@@ -12,6 +12,8 @@
 
 mod feed;
 mod file;
+mod history;
+mod program;
 mod rerun_stream;
 mod viewer;
 
@@ -127,7 +129,10 @@ impl fmt::Display for Notice {
             ),
             Self::ViewerFailed { why } => write!(f, "the Rerun viewer could not be started ({why}); recording goes on"),
             Self::ViewerSilent { url } => write!(f, "no viewer answers at {url} yet; recording goes on"),
-            Self::ViewerGone { url } => write!(f, "the viewer at {url} has gone; recording goes on"),
+            Self::ViewerGone { url } => write!(
+                f,
+                "the viewer at {url} has gone; recording goes on, and it is shown the session again when it is back"
+            ),
             Self::Behind { sink } => write!(f, "{sink} falls behind; what it misses is counted"),
             Self::Failed { sink, why } => write!(f, "{sink} cannot go on ({why}); what it misses is counted"),
         }
@@ -303,12 +308,13 @@ fn open_view(
             let sink = StreamSink::save(path, config.rrd_index, timing, provenance)?;
             Feed::start("the Rerun recording", Some(path.clone()), kind, limits, shared, sink)
         }
-        ViewTarget::Connect(url) => {
-            let sink = viewer::ViewerSink::connect(url.clone(), timing, provenance.clone(), Arc::clone(shared));
-            Feed::start("the live view", None, kind, limits, shared, sink)
-        }
-        ViewTarget::Spawn => {
-            let sink = viewer::ViewerSink::spawn(timing, provenance.clone(), Arc::clone(shared));
+        ViewTarget::Connect(_) | ViewTarget::Spawn | ViewTarget::Serve => {
+            let show = viewer::Show {
+                timing,
+                provenance: provenance.clone(),
+                history_bytes: config.view_history_bytes,
+            };
+            let sink = viewer::ViewerSink::new(target.clone(), show, Arc::clone(shared));
             Feed::start("the live view", None, kind, limits, shared, sink)
         }
     }

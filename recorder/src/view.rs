@@ -10,25 +10,33 @@
 //! | `plan/…` | the same from above: to the right is the base's y, downwards its x |
 //! | `plots/…` | numbers over time |
 //! | `lanes/…` | who drives, why motion is held, which trial |
+//! | `now` | the situation in a line of words |
 //! | `log` | the notes |
 
 mod arm;
 mod colours;
 mod interval;
 pub(crate) mod layout;
+mod log;
 mod plots;
+mod status;
 mod surroundings;
 mod trace;
+mod trials;
 mod wishes;
 
 use rerun::external::re_sdk_types::SerializedComponentBatch;
 use rerun::{AsComponents, TimeCell, TimePoint};
-use tandem_wire::{MessageId, Scene, Setpoint, Stamp, State, Timing, Trial, Vec3};
+use tandem_wire::{MessageId, Nanos, Scene, Setpoint, Stamp, State, Timing, Trial, Vec3};
 
-use crate::heard::{Entry, Heard, Level, Note, Sample};
+use crate::heard::{Entry, Heard, Sample};
 use crate::sinks::Drops;
+use log::Log;
 use plots::Latency;
+use status::Status;
 use trace::Trace;
+pub(crate) use trials::Trials;
+use wishes::Wished;
 
 /// One thing to be drawn.
 #[derive(Clone, Debug)]
@@ -41,23 +49,32 @@ pub struct Drawing {
     pub batches: Vec<SerializedComponentBatch>,
 }
 
-/// A place on both timelines.
+/// A place on the timelines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Moment {
     /// Timeline `tick`.
     pub tick: u32,
     /// Timeline `session_time`.
     pub session_time: Stamp,
+    /// Timeline `trial_time`: since the recording's beginning, which is the trial's.
+    pub trial_time: Nanos,
 }
 
 /// Turns what was heard into what is seen.
 #[derive(Debug)]
 pub struct View {
+    timing: Timing,
+    /// Where `trial_time` is zero.
+    origin: Stamp,
     scene: Option<Scene>,
     /// The tool's newest position: where the arrows start.
     tool: Option<Vec3>,
-    trial: u32,
+    log: Log,
+    /// The trial that is drawn, and its first tick.
+    trial: Option<(u32, u32)>,
     trace: Trace,
+    wished: Wished,
+    status: Status,
     latency: Latency,
     lanes: Lanes,
     /// The forecast that is drawn.
@@ -83,10 +100,15 @@ impl View {
     #[must_use]
     pub fn new(timing: Timing) -> Self {
         Self {
+            timing,
+            origin: Stamp(0),
             scene: None,
             tool: None,
-            trial: 0,
+            log: Log::default(),
+            trial: None,
             trace: Trace::default(),
+            wished: Wished::default(),
+            status: Status::default(),
             latency: Latency::new(timing.pace),
             lanes: Lanes::default(),
             forecast: None,
@@ -101,15 +123,31 @@ impl View {
         drawings
     }
 
-    /// Draws one thing that was heard; `drops` so far go with the counts.
-    pub fn draw(&mut self, heard: &Heard, drops: Drops, drawings: &mut Vec<Drawing>) {
-        let moment = Moment {
+    /// Begins a recording of its own at `heard`: all is forgotten but the surroundings, which are drawn again.
+    pub fn begin_recording(&mut self, heard: &Heard, drawings: &mut Vec<Drawing>) {
+        let scene = self.scene.take();
+        *self = Self::new(self.timing);
+        self.origin = heard.session_time;
+        let moment = self.moment(heard);
+        if let Some(scene) = scene {
+            self.draw_scene(&scene, &mut Sheet { moment, drawings });
+        }
+    }
+
+    fn moment(&self, heard: &Heard) -> Moment {
+        Moment {
             tick: heard.tick,
             session_time: heard.session_time,
-        };
+            trial_time: heard.session_time.since(self.origin),
+        }
+    }
+
+    /// Draws one thing that was heard; `drops` so far go with the counts.
+    pub fn draw(&mut self, heard: &Heard, drops: Drops, drawings: &mut Vec<Drawing>) {
+        let moment = self.moment(heard);
         let mut sheet = Sheet { moment, drawings };
         match &heard.entry {
-            Entry::Note(note) => draw_note(note, &mut sheet),
+            Entry::Note(note) => self.log.draw(heard.at, note, &mut sheet),
             Entry::Counts(counts) => plots::draw_counts(counts, drops, &mut sheet),
             Entry::Sample(sample) => self.draw_sample(heard.at, sample, &mut sheet),
         }
@@ -131,7 +169,7 @@ impl View {
                 }
             }
             Sample::Scene(message) => self.draw_scene(&message.body, sheet),
-            Sample::Trial(message) => self.draw_trial(&message.body, sheet),
+            Sample::Trial(message) => self.draw_trial(at, &message.body, sheet),
             Sample::Proposal(_) | Sample::Journal(_) | Sample::Info(..) => {}
         }
     }
@@ -145,8 +183,9 @@ impl View {
     }
 
     fn draw_state(&mut self, state: &State, sheet: &mut Sheet<'_>) {
-        if state.trial != self.trial {
-            self.trial = state.trial;
+        // Between trials everything stays, so that one can look at what happened.
+        let trial = (state.trial, state.trial_start);
+        if state.trial != 0 && self.trial.replace(trial) != Some(trial) {
             self.begin_trial(sheet);
         }
         let tool = state.tool.position;
@@ -155,14 +194,17 @@ impl View {
             arm::draw(&scene.bodies, state, sheet);
         }
         self.trace.draw(tool, trace::colour(state), sheet);
+        self.status.hear_state(state, sheet);
         plots::draw_state(state, sheet);
     }
 
     /// A trial starts with a clean sheet: no path, no forecast.
     fn begin_trial(&mut self, sheet: &mut Sheet<'_>) {
         self.trace = Trace::default();
+        self.wished = Wished::default();
+        self.status.begin_trial();
         self.forecast = None;
-        for path in ["world/path", "plan/path", "world/forecast", "plan/forecast"] {
+        for path in SHEET {
             sheet.draw(path, &rerun::Clear::recursive());
         }
     }
@@ -170,7 +212,9 @@ impl View {
     fn draw_setpoint(&mut self, setpoint: &Setpoint, sheet: &mut Sheet<'_>) {
         if let Some(tool) = self.tool {
             wishes::draw(setpoint, tool, sheet);
+            self.wished.draw(setpoint, tool, sheet);
         }
+        self.status.hear_setpoint(setpoint, sheet);
         plots::draw_setpoint(setpoint, self.tool, sheet);
         let driver = plots::Driver::of(setpoint);
         if self.lanes.driver.replace(driver) != Some(driver) {
@@ -180,14 +224,26 @@ impl View {
         draw_lane("lanes/held", held, &mut self.lanes.held, sheet);
     }
 
-    fn draw_trial(&mut self, trial: &Trial, sheet: &mut Sheet<'_>) {
+    fn draw_trial(&mut self, at: Stamp, trial: &Trial, sheet: &mut Sheet<'_>) {
         let label = match trial {
             Trial::Begin { number, label } => Some(format!("{number}: {label}")),
             Trial::End { .. } => None,
         };
+        self.log.hear(at, trial);
+        self.status.hear_trial(trial, sheet);
         draw_lane("lanes/trial", label, &mut self.lanes.trial, sheet);
     }
 }
+
+/// What a trial starts without.
+const SHEET: [&str; 6] = [
+    "world/path",
+    "plan/path",
+    "world/forecast",
+    "plan/forecast",
+    "world/wished",
+    "plan/wished",
+];
 
 fn draw_lane(path: &str, now: Option<String>, before: &mut Option<String>, sheet: &mut Sheet<'_>) {
     if *before != now {
@@ -195,15 +251,6 @@ fn draw_lane(path: &str, now: Option<String>, before: &mut Option<String>, sheet
         sheet.draw(path, &rerun::StateChange::single(now.clone().unwrap_or_default()));
         *before = now;
     }
-}
-
-fn draw_note(note: &Note, sheet: &mut Sheet<'_>) {
-    let level = match note.level {
-        Level::Info => rerun::TextLogLevel::INFO,
-        Level::Warning => rerun::TextLogLevel::WARN,
-        Level::Error => rerun::TextLogLevel::ERROR,
-    };
-    sheet.draw("log", &rerun::TextLog::new(note.to_string()).with_level(level));
 }
 
 fn fixed(path: &str, what: &dyn AsComponents) -> Drawing {
@@ -230,10 +277,11 @@ impl Sheet<'_> {
 
 impl From<Moment> for TimePoint {
     fn from(moment: Moment) -> Self {
-        let nanos = i64::try_from(moment.session_time.0).unwrap_or(i64::MAX);
+        let lasting = |nanos| TimeCell::from_duration_nanos(i64::try_from(nanos).unwrap_or(i64::MAX));
         Self::from([
             (layout::TICK, TimeCell::from_sequence(i64::from(moment.tick))),
-            (layout::SESSION_TIME, TimeCell::from_duration_nanos(nanos)),
+            (layout::SESSION_TIME, lasting(moment.session_time.0)),
+            (layout::TRIAL_TIME, lasting(moment.trial_time)),
         ])
     }
 }

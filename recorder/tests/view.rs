@@ -5,7 +5,7 @@ mod script;
 use std::collections::BTreeMap;
 
 use script::{record, session};
-use tandem_recorder::{Drawing, Drops, Output, View};
+use tandem_recorder::{Drawing, Drops, Entry, Output, Sample, View};
 use tandem_wire::Timing;
 
 fn drawn() -> Vec<Drawing> {
@@ -66,12 +66,49 @@ fn a_state_costs_a_few_entities_however_long_the_path_is() {
     assert!(path.iter().all(|drawing| bytes(drawing) < 8192));
 }
 
+#[test]
+fn what_a_trial_came_to_stays_to_be_seen_after_its_end() {
+    let timing = Timing::default().lockstep();
+    let mut view = View::new(timing);
+    let mut drawings = Vec::new();
+    let outputs = record(&session(), timing);
+    let mut last_state = None;
+    for output in outputs {
+        let Output::Show(heard) = output else { continue };
+        view.draw(&heard, Drops::default(), &mut drawings);
+        if matches!(heard.entry, Entry::Sample(Sample::State(_))) {
+            last_state = Some(heard);
+        }
+    }
+    let mut after = (*last_state.unwrap()).clone();
+    after.tick += 1;
+    if let Entry::Sample(Sample::State(message)) = &mut after.entry {
+        message.body.trial = 0;
+    }
+    drawings.clear();
+    view.draw(&after, Drops::default(), &mut drawings);
+    let cleared: Vec<_> = drawings.iter().filter(|drawing| is_cleared(drawing)).collect();
+    assert!(cleared.is_empty(), "{cleared:?}");
+    if let Entry::Sample(Sample::State(message)) = &mut after.entry {
+        message.body.trial = 2;
+    }
+    view.draw(&after, Drops::default(), &mut drawings);
+    assert!(drawings.iter().any(is_cleared), "a new trial begins with a clean sheet");
+}
+
+fn is_cleared(drawing: &Drawing) -> bool {
+    let is_clear =
+        |batch: &rerun::SerializedComponentBatch| batch.descriptor.component.as_str() == "Clear:is_recursive";
+    drawing.batches.iter().any(is_clear)
+}
+
 /// Entity, and how often it is drawn.
 const GOLDEN: &[&str] = &[
     "lanes/driver 5",
     "lanes/held 4",
     "lanes/trial 2",
-    "log 8",
+    "log 6",
+    "now 79",
     "plan/forecast 1",
     "plan/forecast/edges 1",
     "plan/forecast/interval 1",
@@ -86,6 +123,7 @@ const GOLDEN: &[&str] = &[
     "plan/wish/human 84",
     "plan/wish/result 84",
     "plan/wish/robot 84",
+    "plan/wished 33",
     "plan/workspace 1",
     "plots/across/forecast 43",
     "plots/across/high 43",
@@ -109,6 +147,7 @@ const GOLDEN: &[&str] = &[
     "plots/ratio/now 43",
     "plots/weight/human 168",
     "world/arm 83",
+    "world/driver 84",
     "world/forecast 1",
     "world/forecast/interval 1",
     "world/forecast/line 1",
@@ -122,5 +161,6 @@ const GOLDEN: &[&str] = &[
     "world/wish/human 84",
     "world/wish/result 84",
     "world/wish/robot 84",
+    "world/wished 33",
     "world/workspace 1",
 ];

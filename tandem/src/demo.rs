@@ -15,7 +15,7 @@ use tandem_wire::{JournalBatch, NodeName, Pace, Scene, Setpoint, State, Topic, T
 
 use crate::configuration::{self, CommonFlags};
 use crate::latency::{Latency, Quantiles};
-use crate::nodes::{self, Parts, RunningRecorder};
+use crate::nodes::{self, Parts, RunningRecorder, ViewFlag};
 use crate::summary::{Figures, Summary};
 use crate::trial::TrialMarks;
 use crate::{Outcome, interrupt, shipped, table};
@@ -59,9 +59,10 @@ pub(crate) struct DemoFlags {
     /// The session file; the Rerun recording goes beside it [default: sessions/demo-SECONDS.mcap].
     #[arg(long, value_name = "PATH")]
     record: Option<PathBuf>,
-    /// Shows the run live in the Rerun viewer.
-    #[arg(long)]
-    view: bool,
+    /// Shows the run live in Rerun: in a viewer of this machine (spawn), in one that listens elsewhere (connect=URL),
+    /// through a server that browsers come to (serve), or writes the recording there (save=PATH.rrd).
+    #[arg(long, value_name = "spawn|serve|connect=URL|save=PATH", num_args = 0..=1, default_missing_value = "spawn")]
+    view: Option<ViewFlag>,
     /// Prints the summary as one JSON object.
     #[arg(long)]
     json: bool,
@@ -133,10 +134,12 @@ fn configuration(flags: &DemoFlags) -> anyhow::Result<Configuration> {
         ("recorder.path", session.display().to_string()),
         ("recorder.rrd", rrd.display().to_string()),
         ("operator.source", "simulated".to_owned()),
+        // A demo is short enough for its index to be kept in memory until the end.
+        ("recorder.rrd_index", "true".to_owned()),
     ];
     overrides.extend(flags.law.map(|law| ("arbiter.law", name(&law))));
     overrides.extend(flags.seed.map(|seed| ("loop.seed", seed.to_string())));
-    overrides.extend(flags.view.then(|| ("recorder.live", "spawn".to_owned())));
+    overrides.extend(flags.view.iter().flat_map(ViewFlag::overrides));
     Ok(configuration::load(&flags.common, &overrides)?)
 }
 

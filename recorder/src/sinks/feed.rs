@@ -19,7 +19,7 @@ pub(super) trait Sink: Send + 'static {
     }
 
     /// Takes one thing; `drops` so far go with the counts.
-    fn take(&mut self, heard: &Heard, drops: Drops) -> Result<(), Notice>;
+    fn take(&mut self, heard: &Arc<Heard>, drops: Drops) -> Result<(), Notice>;
 
     /// Puts everything taken so far beyond the reach of a crash. Also called when there is nothing new.
     fn flush(&mut self) -> Result<(), Notice>;
@@ -67,12 +67,12 @@ impl Shared {
         }
     }
 
-    fn count_drop(&self, kind: Kind) {
+    pub(super) fn count_drops(&self, kind: Kind, number: u64) {
         let counter = match kind {
             Kind::SessionFile => &self.session_file,
             Kind::View => &self.views,
         };
-        counter.fetch_add(1, Ordering::Relaxed);
+        counter.fetch_add(number, Ordering::Relaxed);
     }
 
     pub(super) fn say(&self, notice: Notice) {
@@ -93,7 +93,7 @@ struct Line {
 impl Line {
     fn drop_one(&self) {
         self.dropped.fetch_add(1, Ordering::Relaxed);
-        self.shared.count_drop(self.kind);
+        self.shared.count_drops(self.kind, 1);
     }
 }
 
@@ -246,7 +246,7 @@ impl Worker {
         }
     }
 
-    fn take<S: Sink>(&mut self, sink: &mut S, heard: &Heard) {
+    fn take<S: Sink>(&mut self, sink: &mut S, heard: &Arc<Heard>) {
         self.line
             .waiting_bytes
             .fetch_sub(weight_bytes(heard), Ordering::Relaxed);
@@ -269,7 +269,7 @@ impl Worker {
     }
 }
 
-fn weight_bytes(heard: &Heard) -> usize {
+pub(super) fn weight_bytes(heard: &Heard) -> usize {
     match &heard.entry {
         Entry::Sample(sample) => sample.weight_bytes(),
         Entry::Note(_) | Entry::Counts(_) => size_of::<Heard>(),
@@ -291,7 +291,7 @@ mod tests {
     }
 
     impl Sink for Stalled {
-        fn take(&mut self, _: &Heard, _: Drops) -> Result<(), Notice> {
+        fn take(&mut self, _: &Arc<Heard>, _: Drops) -> Result<(), Notice> {
             self.go.recv().ok();
             let sink = "the fake".to_owned();
             let why = "it was told to".to_owned();

@@ -43,7 +43,7 @@ impl FileSink {
 }
 
 impl Sink for FileSink {
-    fn take(&mut self, heard: &Heard, drops: Drops) -> Result<(), Notice> {
+    fn take(&mut self, heard: &Arc<Heard>, drops: Drops) -> Result<(), Notice> {
         if let Entry::Counts(counts) = &heard.entry {
             self.counts.clone_from(counts);
         }

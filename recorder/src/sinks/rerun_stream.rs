@@ -1,11 +1,12 @@
-//! Drawings into a Rerun recording stream, and the `.rrd` file as a sink.
+//! Drawings into Rerun recordings, one for each trial, through one outlet; and the `.rrd` file as a sink.
 
 use std::fs::File;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
-use rerun::log::{ChunkBatcherConfig, PendingRow};
-use rerun::sink::{FileSink, FileSinkOptions};
+use rerun::log::{ChunkBatcherConfig, LogMsg, PendingRow};
+use rerun::sink::{FileSink, FileSinkOptions, GrpcSink, GrpcSinkConnectionState, LogSink, SinkFlushError};
 use rerun::{RecordingStream, RecordingStreamBuilder, TimePoint};
 use tandem_wire::Timing;
 
@@ -13,7 +14,7 @@ use super::feed::Sink;
 use super::{Drops, Notice, OpenError};
 use crate::heard::Heard;
 use crate::session_file::Provenance;
-use crate::view::{Drawing, View, layout};
+use crate::view::{Drawing, Trials, View, layout};
 
 /// What Rerun shows as the application.
 const APPLICATION: &str = "tandem";
@@ -25,15 +26,54 @@ pub(super) const FILE_BATCH: Duration = Duration::from_secs(1);
 /// What may be on its way inside the SDK. Its default of 100 MiB would be most of our memory while a viewer is frozen.
 const IN_FLIGHT_BYTES: u64 = 4 << 20;
 
-/// A view that is drawn into a recording stream.
+/// A view that is drawn into recordings.
 pub(super) struct StreamSink {
+    outlet: Outlet,
+    batch: Duration,
+    provenance: Provenance,
+    trials: Trials,
     view: View,
     drawings: Vec<Drawing>,
-    stream: RecordingStream,
+    /// The running trial's; before the first, what comes before it.
+    stream: Option<RecordingStream>,
+    has_layout: bool,
+}
+
+/// A stream to a viewer.
+pub(super) struct Connected {
+    pub(super) sink: StreamSink,
+    pub(super) connection: Connection,
+}
+
+/// The connection behind it.
+pub(super) struct Connection(Arc<GrpcSink>);
+
+impl Connection {
+    pub(super) fn is_lost(&self) -> bool {
+        matches!(self.0.status(), GrpcSinkConnectionState::Disconnected(_))
+    }
+}
+
+/// What several recordings share. The SDK wants a sink for each; this one passes on.
+#[derive(Clone)]
+struct Outlet(Arc<dyn LogSink>);
+
+impl LogSink for Outlet {
+    fn send(&self, msg: LogMsg) {
+        self.0.send(msg);
+    }
+
+    fn send_all(&self, messages: Vec<LogMsg>) {
+        self.0.send_all(messages);
+    }
+
+    fn flush_blocking(&self, timeout: Duration) -> Result<(), SinkFlushError> {
+        self.0.flush_blocking(timeout)
+    }
 }
 
 impl StreamSink {
-    /// An `.rrd` file, replacing one that is there. Its index is kept in memory until the end.
+    /// An `.rrd` file, replacing one that is there. Its index, if any, is kept in memory until the end.
     pub(super) fn save(
         path: &Path,
         has_index: bool,
@@ -48,90 +88,117 @@ impl StreamSink {
         let options = FileSinkOptions {
             write_footer: has_index,
         };
-        let sink = FileSink::with_options(path, options).map_err(|source| OpenError::View {
+        let file = FileSink::with_options(path, options).map_err(|source| OpenError::View {
             source: Box::new(source.into()),
         })?;
-        let stream = builder(provenance, FILE_BATCH).buffered().map_err(view_error)?;
-        stream.set_sink(Box::new(sink));
-        Ok(Self::new(stream, timing))
+        Ok(Self::new(Arc::new(file), FILE_BATCH, timing, provenance))
     }
 
-    /// A viewer's address. Connecting goes on in the background, for ever.
-    pub(super) fn connect(url: &str, timing: Timing, provenance: &Provenance) -> Result<Self, OpenError> {
-        builder(provenance, LIVE_BATCH)
-            .connect_grpc_opts(url)
-            .map(|stream| Self::new(stream, timing))
-            .map_err(view_error)
+    /// A viewer's address.
+    pub(super) fn connect(url: &str, timing: Timing, provenance: &Provenance) -> Result<Connected, Notice> {
+        let uri = url.parse().map_err(|error| failed(&error))?;
+        let grpc = Arc::new(GrpcSink::new(uri));
+        let connection = Connection(Arc::clone(&grpc));
+        let sink = Self::new(grpc, LIVE_BATCH, timing, provenance);
+        Ok(Connected { sink, connection })
     }
 
-    fn new(stream: RecordingStream, timing: Timing) -> Self {
+    fn new(outlet: Arc<dyn LogSink>, batch: Duration, timing: Timing, provenance: &Provenance) -> Self {
         Self {
+            outlet: Outlet(outlet),
+            batch,
+            provenance: provenance.clone(),
+            trials: Trials::default(),
             view: View::new(timing),
             drawings: Vec::with_capacity(64),
-            stream,
+            stream: None,
+            has_layout: false,
         }
     }
 
-    pub(super) const fn stream(&self) -> &RecordingStream {
-        &self.stream
-    }
-
-    fn record(&self, drawing: Drawing) {
-        let time = drawing.moment.map_or_else(TimePoint::default, TimePoint::from);
-        let row = PendingRow::from_iter(time, drawing.batches);
-        self.stream.record_row(drawing.path.into(), row, false);
-    }
-}
-
-impl Sink for StreamSink {
-    fn begin(&mut self) -> Result<(), Notice> {
-        layout::send(&self.stream).map_err(|error| failed(&error))?;
+    /// Begins the recording of a trial, or of what comes before the first.
+    fn begin_recording(&mut self, number: Option<u32>, heard: &Heard) -> Result<(), Notice> {
+        let Provenance {
+            robot,
+            epoch_unix_nanos,
+            ..
+        } = &self.provenance;
+        // Whoever is shown the same trial again knows it by the same name: the file, the viewer that came back.
+        let (id, name) = match number {
+            Some(number) => {
+                let id = format!("{robot}-{epoch_unix_nanos}-{number}-{}", heard.tick);
+                (id, format!("{robot}, trial {number}"))
+            }
+            None => (
+                format!("{robot}-{epoch_unix_nanos}"),
+                format!("{robot}, before the trial"),
+            ),
+        };
+        let config = ChunkBatcherConfig {
+            flush_tick: self.batch,
+            max_bytes_in_flight: IN_FLIGHT_BYTES,
+            ..ChunkBatcherConfig::DEFAULT
+        };
+        let stream = RecordingStreamBuilder::new(APPLICATION)
+            .recording_id(id)
+            .recording_name(name)
+            .batcher_config(config)
+            .buffered()
+            .map_err(|error| failed(&error))?;
+        stream.set_sink(Box::new(self.outlet.clone()));
+        if !std::mem::replace(&mut self.has_layout, true) {
+            layout::send(&stream).map_err(|error| failed(&error))?;
+        }
+        if let Some(before) = self.stream.replace(stream) {
+            before.flush_async().map_err(|error| failed(&error))?;
+        }
         for drawing in View::opening() {
             self.record(drawing);
         }
         Ok(())
     }
 
-    fn take(&mut self, heard: &Heard, drops: Drops) -> Result<(), Notice> {
+    fn record(&self, drawing: Drawing) {
+        if let Some(stream) = &self.stream {
+            let time = drawing.moment.map_or_else(TimePoint::default, TimePoint::from);
+            let row = PendingRow::from_iter(time, drawing.batches);
+            stream.record_row(drawing.path.into(), row, false);
+        }
+    }
+
+    fn record_all(&mut self) {
         let mut drawings = std::mem::take(&mut self.drawings);
-        self.view.draw(heard, drops, &mut drawings);
         for drawing in drawings.drain(..) {
             self.record(drawing);
         }
         self.drawings = drawings;
+    }
+}
+
+impl Sink for StreamSink {
+    fn take(&mut self, heard: &Arc<Heard>, drops: Drops) -> Result<(), Notice> {
+        let begins = self.trials.hear(heard);
+        if begins.is_some() || self.stream.is_none() {
+            self.begin_recording(begins, heard)?;
+            self.view.begin_recording(heard, &mut self.drawings);
+        }
+        self.view.draw(heard, drops, &mut self.drawings);
+        self.record_all();
         Ok(())
     }
 
     fn flush(&mut self) -> Result<(), Notice> {
-        self.stream.flush_async().map_err(|error| failed(&error))
+        match &self.stream {
+            Some(stream) => stream.flush_async().map_err(|error| failed(&error)),
+            None => Ok(()),
+        }
     }
 
     fn close(self) -> Result<(), Notice> {
-        self.stream.flush_blocking().map_err(|error| failed(&error))
-    }
-}
-
-fn builder(provenance: &Provenance, batch: Duration) -> RecordingStreamBuilder {
-    let config = ChunkBatcherConfig {
-        flush_tick: batch,
-        max_bytes_in_flight: IN_FLIGHT_BYTES,
-        ..ChunkBatcherConfig::DEFAULT
-    };
-    let Provenance {
-        robot,
-        epoch_unix_nanos,
-        ..
-    } = provenance;
-    RecordingStreamBuilder::new(APPLICATION)
-        // A file and a live view of one session are the same recording to Rerun.
-        .recording_id(format!("{robot}-{epoch_unix_nanos}"))
-        .recording_name(robot.as_str())
-        .batcher_config(config)
-}
-
-fn view_error(source: rerun::RecordingStreamError) -> OpenError {
-    OpenError::View {
-        source: Box::new(source),
+        match self.stream {
+            Some(stream) => stream.flush_blocking().map_err(|error| failed(&error)),
+            None => Ok(()),
+        }
     }
 }
 

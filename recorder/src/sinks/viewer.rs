@@ -1,207 +1,235 @@
-//! A live viewer as a sink: found, or started, and watched from a thread that may hang with it.
+//! A live viewer as a sink: it may be absent, late, slow, frozen, killed and started again.
+//!
+//! What was heard goes into a [`History`], which never waits. Showing is the work of an attempt: a disposable thread
+//! that waits until somebody listens, connects, shows the history from its beginning and then follows it. An attempt
+//! ends with its connection, and the next one begins; one that hangs with a frozen viewer hurts nobody.
 
-use std::any::Any;
-use std::net::{SocketAddr, TcpStream};
-use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::process::Child;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::thread;
 use std::time::Duration;
 
-use rerun::sink::{GrpcSink, GrpcSinkConnectionState};
+use crossbeam_channel::{Receiver, Sender, after, bounded};
 use tandem_wire::Timing;
 
-use super::feed::{Shared, Sink};
-use super::rerun_stream::StreamSink;
+use super::feed::{Kind, Shared, Sink};
+use super::history::History;
+use super::program;
+use super::rerun_stream::{Connected, StreamSink};
 use super::{Drops, Notice};
+use crate::config::ViewTarget;
 use crate::heard::Heard;
 use crate::session_file::Provenance;
 
-/// Where a viewer of this machine listens.
-const LOCAL: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 9876);
-/// A local port answers or refuses at once.
-const PROBE: Duration = Duration::from_millis(200);
-/// The viewer's executable.
-const RERUN: &str = if cfg!(windows) { "rerun.exe" } else { "rerun" };
-
-/// How many flushes nobody may answer before we say so; the SDK goes on trying.
+/// How many flushes nobody may answer before we say so; trying goes on.
 const PATIENCE: u32 = 4;
+/// How often an attempt looks for somebody who listens.
+const LOOK_EVERY: Duration = Duration::from_millis(250);
+/// How long an attempt waits for news before it looks at its connection.
+const NEWS_WITHIN: Duration = Duration::from_millis(100);
+
+/// What it takes to begin to show.
+#[derive(Clone)]
+pub(super) struct Show {
+    pub(super) timing: Timing,
+    pub(super) provenance: Provenance,
+    pub(super) history_bytes: usize,
+}
 
 /// ```text
-///            begin                    first answer             connection lost
-///   Wanted ─────────▶ Connecting ───────────────────▶ Connected ──────────────▶ Gone: a Notice, and no more tries
-///      │                 │    ▲
-///      │                 └────┘ nobody answers: a Notice
-///      └─ none to start: a Notice
+///          begin              somebody listens            connection lost
+///   Begun ───────▶ Looking ───────────────────▶ Showing ──────────────────▶ Gone: a Notice
+///                   ▲ └ nobody: a Notice                                      │
+///                   └─────────────────────── the next attempt ────────────────┘
 /// ```
-///
-/// A viewer that is frozen stays `Connected`: the SDK's buffers fill, this thread hangs, the queue overflows.
 pub(super) struct ViewerSink {
-    wanted: Wanted,
-    timing: Timing,
-    provenance: Provenance,
+    target: ViewTarget,
+    show: Show,
     shared: Arc<Shared>,
-    connection: Option<Connection>,
-}
-
-enum Wanted {
-    At(String),
-    OnThisMachine,
-}
-
-struct Connection {
-    url: String,
-    sink: StreamSink,
-    status: Arc<AtomicU8>,
-    unanswered: u32,
-    shared: Arc<Shared>,
+    history: Arc<History>,
+    attempt: Option<Attempt>,
     /// The viewer that we started, until it has answered.
     child: Option<Child>,
+    unanswered: u32,
 }
 
+/// The supervising side of an attempt.
+struct Attempt {
+    phase: Arc<AtomicU8>,
+    is_abandoned: Arc<AtomicBool>,
+    done: Receiver<()>,
+}
+
+const LOOKING: u8 = 0;
+const SHOWING: u8 = 1;
+const GONE: u8 = 2;
+
 impl ViewerSink {
-    /// A viewer at this address.
-    pub(super) const fn connect(url: String, timing: Timing, provenance: Provenance, shared: Arc<Shared>) -> Self {
+    pub(super) fn new(target: ViewTarget, show: Show, shared: Arc<Shared>) -> Self {
+        let history = Arc::new(History::new(show.history_bytes));
         Self {
-            wanted: Wanted::At(url),
-            timing,
-            provenance,
+            target,
+            show,
             shared,
-            connection: None,
+            history,
+            attempt: None,
+            child: None,
+            unanswered: 0,
         }
     }
 
-    /// The viewer of this machine, started if need be.
-    pub(super) const fn spawn(timing: Timing, provenance: Provenance, shared: Arc<Shared>) -> Self {
-        Self {
-            wanted: Wanted::OnThisMachine,
-            timing,
-            provenance,
-            shared,
-            connection: None,
+    fn url(&self) -> String {
+        match &self.target {
+            ViewTarget::Connect(url) => url.clone(),
+            _ => program::local_url(),
+        }
+    }
+
+    fn try_anew(&mut self) -> Result<(), Notice> {
+        self.unanswered = 0;
+        let (history, shared) = (Arc::clone(&self.history), Arc::clone(&self.shared));
+        self.attempt = Some(Attempt::start(self.url(), self.show.clone(), history, shared)?);
+        Ok(())
+    }
+
+    fn wait_for_answer(&mut self) {
+        self.unanswered += 1;
+        if self.unanswered == PATIENCE && self.child.is_none() {
+            self.shared.say(Notice::ViewerSilent { url: self.url() });
+        }
+        let ended = self.child.as_mut().and_then(|child| child.try_wait().ok().flatten());
+        // The `rerun` command may hand over to another process and end well.
+        if let Some(status) = ended.filter(|status| !status.success()) {
+            self.child = None;
+            self.shared.say(Notice::ViewerFailed {
+                why: status.to_string(),
+            });
         }
     }
 }
 
 impl Sink for ViewerSink {
     fn begin(&mut self) -> Result<(), Notice> {
-        let (url, child) = match &self.wanted {
-            Wanted::At(url) => (url.clone(), None),
-            Wanted::OnThisMachine => (format!("rerun+http://{LOCAL}/proxy"), find_or_start()?),
+        self.child = match self.target {
+            ViewTarget::Spawn => program::find_or_start(program::WINDOW)?,
+            ViewTarget::Serve => program::find_or_start(program::SERVER)?,
+            ViewTarget::Connect(_) | ViewTarget::Save(_) => None,
         };
-        let sink = StreamSink::connect(&url, self.timing, &self.provenance).map_err(|error| Notice::Failed {
-            sink: "the live view".to_owned(),
-            why: error.to_string(),
-        })?;
-        let connection = self.connection.insert(Connection {
-            url,
-            sink,
-            status: Arc::new(AtomicU8::new(CONNECTING)),
-            unanswered: 0,
-            shared: Arc::clone(&self.shared),
-            child,
-        });
-        connection.sink.begin()
+        self.try_anew()
     }
 
-    fn take(&mut self, heard: &Heard, drops: Drops) -> Result<(), Notice> {
-        match &mut self.connection {
-            Some(connection) => connection.sink.take(heard, drops),
-            None => Ok(()),
-        }
-    }
-
-    fn flush(&mut self) -> Result<(), Notice> {
-        match &mut self.connection {
-            Some(connection) => connection.watch(),
-            None => Ok(()),
-        }
-    }
-
-    fn close(self) -> Result<(), Notice> {
-        match self.connection {
-            Some(connection) => connection.sink.close(),
-            None => Ok(()),
-        }
-    }
-}
-
-const CONNECTING: u8 = 0;
-const CONNECTED: u8 = 1;
-const GONE: u8 = 2;
-
-impl Connection {
-    /// Looks at what the SDK's thread last said about the connection, and asks it anew.
-    fn watch(&mut self) -> Result<(), Notice> {
-        match self.status.load(Ordering::Relaxed) {
-            CONNECTED => self.child = None,
-            GONE => return Err(Notice::ViewerGone { url: self.url.clone() }),
-            _ => self.wait_for_answer()?,
-        }
-        let status = Arc::clone(&self.status);
-        let asked = move |sink: &dyn rerun::sink::LogSink| {
-            let sink: &dyn Any = sink;
-            if let Some(grpc) = sink.downcast_ref::<GrpcSink>() {
-                status.store(
-                    match grpc.status() {
-                        GrpcSinkConnectionState::Connecting { .. } => CONNECTING,
-                        GrpcSinkConnectionState::Connected => CONNECTED,
-                        GrpcSinkConnectionState::Disconnected(_) => GONE,
-                    },
-                    Ordering::Relaxed,
-                );
-            }
-        };
-        self.sink.stream().inspect_sink(asked);
+    fn take(&mut self, heard: &Arc<Heard>, _: Drops) -> Result<(), Notice> {
+        self.history.push(Arc::clone(heard));
         Ok(())
     }
 
-    fn wait_for_answer(&mut self) -> Result<(), Notice> {
-        self.unanswered += 1;
-        if self.unanswered == PATIENCE && self.child.is_none() {
-            let url = self.url.clone();
-            self.shared.say(Notice::ViewerSilent { url });
+    fn flush(&mut self) -> Result<(), Notice> {
+        let phase = self
+            .attempt
+            .as_ref()
+            .map(|attempt| attempt.phase.load(Ordering::Relaxed));
+        match phase {
+            Some(LOOKING) => self.wait_for_answer(),
+            Some(SHOWING) => self.child = None,
+            _ => {
+                self.shared.say(Notice::ViewerGone { url: self.url() });
+                self.try_anew()?;
+            }
         }
-        let ended = self.child.as_mut().and_then(|child| child.try_wait().ok().flatten());
-        match ended {
-            // The `rerun` command may hand over to another process and end well.
-            Some(status) if !status.success() => Err(Notice::ViewerFailed {
-                why: status.to_string(),
-            }),
-            _ => Ok(()),
+        Ok(())
+    }
+
+    fn close(self) -> Result<(), Notice> {
+        self.history.end();
+        if let Some(attempt) = self.attempt {
+            let is_shown = attempt.phase.load(Ordering::Relaxed) == SHOWING;
+            if is_shown {
+                // Whoever closes us has set a limit, and leaves this thread behind when it is reached.
+                attempt.done.recv().ok();
+            }
         }
+        Ok(())
     }
 }
 
-/// Starts a viewer unless one listens already.
-fn find_or_start() -> Result<Option<Child>, Notice> {
-    if TcpStream::connect_timeout(&LOCAL, PROBE).is_ok() {
-        return Ok(None);
+impl Attempt {
+    fn start(url: String, show: Show, history: Arc<History>, shared: Arc<Shared>) -> Result<Self, Notice> {
+        let (end, done) = bounded(1);
+        let attempt = Self {
+            phase: Arc::new(AtomicU8::new(LOOKING)),
+            is_abandoned: Arc::new(AtomicBool::new(false)),
+            done,
+        };
+        let worker = Worker {
+            url,
+            show,
+            history,
+            phase: Arc::clone(&attempt.phase),
+            shared,
+            is_abandoned: Arc::clone(&attempt.is_abandoned),
+        };
+        let named = thread::Builder::new().name("recorder: shows a viewer".to_owned());
+        let started = named.spawn(move || worker.run(&end));
+        started.map_err(|error| Notice::Failed {
+            sink: "the live view".to_owned(),
+            why: error.to_string(),
+        })?;
+        Ok(attempt)
     }
-    let program = find_on_path().ok_or(Notice::NoViewer)?;
-    let mut command = Command::new(program);
-    command
-        .arg("--port")
-        .arg(LOCAL.port().to_string())
-        .arg("--bind")
-        .arg(LOCAL.ip().to_string());
-    command.args(["--hide-welcome-screen", "--expect-data-soon"]);
-    // What the viewer prints would land in the middle of our own screen.
-    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-    #[cfg(unix)]
-    {
-        // Ctrl-C ends us, not the window in which one still looks at what happened.
-        std::os::unix::process::CommandExt::process_group(&mut command, 0);
-    }
-    let started = command
-        .spawn()
-        .map_err(|error| Notice::ViewerFailed { why: error.to_string() })?;
-    Ok(Some(started))
 }
 
-fn find_on_path() -> Option<PathBuf> {
-    let path = std::env::var_os("PATH")?;
-    std::env::split_paths(&path)
-        .map(|folder| folder.join(RERUN))
-        .find(|program| program.is_file())
+impl Drop for Attempt {
+    fn drop(&mut self) {
+        self.is_abandoned.store(true, Ordering::Relaxed);
+    }
+}
+
+/// The attempt's own thread.
+struct Worker {
+    url: String,
+    show: Show,
+    history: Arc<History>,
+    shared: Arc<Shared>,
+    phase: Arc<AtomicU8>,
+    is_abandoned: Arc<AtomicBool>,
+}
+
+impl Worker {
+    fn run(self, end: &Sender<()>) {
+        while !program::is_listening(&self.url) {
+            if self.is_abandoned.load(Ordering::Relaxed) {
+                return;
+            }
+            after(LOOK_EVERY).recv().ok();
+        }
+        if let Ok(connected) = StreamSink::connect(&self.url, self.show.timing, &self.show.provenance) {
+            self.phase.store(SHOWING, Ordering::Relaxed);
+            self.follow(connected).ok();
+        }
+        self.phase.store(GONE, Ordering::Relaxed);
+        end.try_send(()).ok();
+    }
+
+    /// Shows the history to its end, or until the connection or the wish for it is lost.
+    fn follow(&self, connected: Connected) -> Result<(), Notice> {
+        let Connected { mut sink, connection } = connected;
+        sink.begin()?;
+        let mut place = 0;
+        while !connection.is_lost() && !self.is_abandoned.load(Ordering::Relaxed) {
+            let page = self.history.read(place, NEWS_WITHIN);
+            // What was gone before it came is no loss; what fell out while it was there is.
+            if place > 0 {
+                self.shared.count_drops(Kind::View, page.missed);
+            }
+            for heard in &page.entries {
+                sink.take(heard, Drops::default())?;
+            }
+            place = page.next;
+            if page.is_last {
+                return sink.close();
+            }
+        }
+        Ok(())
+    }
 }

@@ -21,9 +21,12 @@ pub(crate) const TICK: &str = "tick";
 /// The timeline of seconds since the session began.
 pub(crate) const SESSION_TIME: &str = "session_time";
 
+/// The timeline of seconds since the trial began: what the layout shows.
+pub(crate) const TRIAL_TIME: &str = "trial_time";
+
 /// The plan shows this much, in metres: the shipped task with the arm's reach around it.
-const PLAN_ACROSS: [f64; 2] = [-0.42, 0.42];
-const PLAN_DOWN: [f64; 2] = [0.24, 0.72];
+const PLAN_ACROSS: [f64; 2] = [-0.34, 0.34];
+const PLAN_DOWN: [f64; 2] = [0.29, 0.63];
 
 /// Makes this the layout of `recording`, in whatever it streams to.
 pub(crate) fn send(recording: &RecordingStream) -> RecordingStreamResult<()> {
@@ -75,14 +78,13 @@ struct ViewSpec<'a> {
 
 impl Sketch<'_> {
     fn draw(mut self) -> RecordingStreamResult<()> {
-        let left = [self.world(5.6)?, self.lanes(1.9)?, self.log(1.7)?];
+        let left = [self.now(0.75)?, self.world(5.6)?, self.lanes(1.7)?, self.log(1.9)?];
         let left = self.container(ContainerKind::Vertical, "who drives", &left, 1.25)?;
         let right = [
-            self.plan(3.6)?,
-            self.weight(1.5)?,
-            self.confidence(1.7)?,
-            self.effort(1.6)?,
-            self.margins(1.5)?,
+            self.plan(4.2)?,
+            self.weight(1.6)?,
+            self.confidence(1.9)?,
+            self.margins(1.9)?,
         ];
         let right = self.container(ContainerKind::Vertical, "why", &right, 1.0)?;
         let root = self.container(ContainerKind::Horizontal, "Tandem", &[left, right], 1.0)?;
@@ -103,16 +105,26 @@ impl Sketch<'_> {
         self.blueprint.log("selection_panel", &hidden)?;
         let time = TimePanelBlueprint::new()
             .with_state(PanelState::Collapsed)
-            .with_timeline(SESSION_TIME)
+            .with_timeline(TRIAL_TIME)
             .with_play_state(PlayState::Following);
         self.blueprint.log("time_panel", &time)
+    }
+
+    fn now(&mut self, share: f32) -> RecordingStreamResult<Part> {
+        self.view(&ViewSpec {
+            class: "TextDocument",
+            name: "Now",
+            origin: "now",
+            share,
+            properties: &[],
+        })
     }
 
     fn world(&mut self, share: f32) -> RecordingStreamResult<Part> {
         let eye = EyeControls3D::new()
             .with_kind(Eye3DKind::Orbital)
-            .with_position([1.25, -0.62, 0.78])
-            .with_look_target([0.33, 0.03, 0.27])
+            .with_position([1.16, -0.46, 0.72])
+            .with_look_target([0.30, 0.03, 0.25])
             .with_eye_up([0.0, 0.0, 1.0]);
         let grid = LineGrid3D::new()
             .with_spacing(GridSpacing(0.1.into()))
@@ -120,7 +132,7 @@ impl Sketch<'_> {
         let information = SpatialInformation::new("tf#/world").with_show_axes(false);
         self.view(&ViewSpec {
             class: "3D",
-            name: "Arm: orange = human's wish, blue = robot's wish and forecast, white = result",
+            name: "Orange: human's wish. Blue: robot's wish, forecast, interval. Path: who drove",
             origin: "world",
             share,
             properties: &[
@@ -171,7 +183,7 @@ impl Sketch<'_> {
         let columns = TextLogColumns::new()
             .with_timeline_columns([TimelineColumn {
                 visible: true.into(),
-                timeline: SESSION_TIME.into(),
+                timeline: TRIAL_TIME.into(),
             }])
             .with_text_log_columns([column(TextLogColumnKind::LogLevel), column(TextLogColumnKind::Body)]);
         self.view(&ViewSpec {
@@ -187,7 +199,7 @@ impl Sketch<'_> {
         self.plot(
             "Human's weight ω, in the colour of who drives",
             "plots/weight",
-            Some([-0.03, 1.03]),
+            Some([-0.1, 1.1]),
             share,
         )
     }
@@ -201,22 +213,19 @@ impl Sketch<'_> {
         self.container(ContainerKind::Tabs, "How sure", &tabs, share)
     }
 
-    fn effort(&mut self, share: f32) -> RecordingStreamResult<Part> {
-        self.plot("Effort: speeds, m/s", "plots/effort", None, share)
-    }
-
     fn margins(&mut self, share: f32) -> RecordingStreamResult<Part> {
         let tabs = [
+            self.plot("Speeds, m/s", "plots/effort", None, 1.0)?,
             self.plot("Clearance, mm", "plots/clearance", None, 1.0)?,
             self.plot("Command to motion, ms", "plots/latency", None, 1.0)?,
             self.plot("Lost messages", "plots/lost", None, 1.0)?,
         ];
-        self.container(ContainerKind::Tabs, "Margins", &tabs, share)
+        self.container(ContainerKind::Tabs, "Effort and margins", &tabs, share)
     }
 
     /// A plot over the whole session, so that all of them share their time axis.
     fn plot(&mut self, name: &str, origin: &str, range: Option<[f64; 2]>, share: f32) -> RecordingStreamResult<Part> {
-        let legend = PlotLegend::new().with_corner(Corner2D::LeftTop);
+        let legend = PlotLegend::new().with_corner(free_corner(origin));
         let time = whole_session();
         let mut values = ScalarAxis::new();
         if let Some(range) = range {
@@ -273,6 +282,15 @@ impl Sketch<'_> {
     fn uuid(&mut self) -> String {
         self.made += 1;
         format!("{UUID_HEAD}{:012x}", self.made)
+    }
+}
+
+/// Where a plot's names hide least: what a forecast brings begins late, the others end low.
+fn free_corner(origin: &str) -> Corner2D {
+    match origin {
+        "plots/interval" | "plots/ratio" | "plots/across" | "plots/latency" | "plots/lost" => Corner2D::LeftTop,
+        "plots/driver" => Corner2D::LeftBottom,
+        _ => Corner2D::RightTop,
     }
 }
 

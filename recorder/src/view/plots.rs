@@ -64,7 +64,7 @@ impl Driver {
         format!("plots/driver/{}", self.name())
     }
 
-    const fn colour(self) -> Color {
+    pub(super) const fn colour(self) -> Color {
         match self {
             Self::Human => colours::HUMAN,
             Self::Shared => colours::SHARED,

@@ -46,10 +46,10 @@ impl Trace {
     fn draw_block(&self, sheet: &mut Sheet<'_>) {
         let pairs = || self.points.windows(2);
         let strips = rerun::LineStrips3D::new(pairs().map(|pair| [xyz(pair[0]), xyz(pair[1])]));
-        let strips = strips.with_colors(self.colours.iter().copied()).with_radii([0.003]);
+        let strips = strips.with_colors(self.colours.iter().copied()).with_radii([0.0018]);
         sheet.draw(&format!("world/path/{}", self.block), &strips);
         let strips = rerun::LineStrips2D::new(pairs().map(|pair| [plan(pair[0]), plan(pair[1])]));
-        let strips = strips.with_colors(self.colours.iter().copied()).with_radii([0.002]);
+        let strips = strips.with_colors(self.colours.iter().copied()).with_radii([0.0014]);
         sheet.draw(&format!("plan/path/{}", self.block), &strips.with_draw_order(20.0));
     }
 }
