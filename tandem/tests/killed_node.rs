@@ -106,7 +106,9 @@ fn a_killed_and_restarted_predictor_is_identical_up_to_its_last_entry() {
         .args(["replay", "--verify", "--json", path])
         .output()
         .expect("tandem starts");
-    let said: Value = serde_json::from_slice(&verified.stdout).expect("one JSON object");
+    let errors = String::from_utf8_lossy(&verified.stderr);
+    let said: Value =
+        serde_json::from_slice(&verified.stdout).unwrap_or_else(|error| panic!("no JSON ({error}): {errors}"));
     assert_eq!(verified.status.code(), Some(0), "{said}");
     let runs = said["nodes"].as_array().expect("runs");
     assert!(runs.iter().all(|run| run["verdict"] == "identical"), "{said}");
