@@ -273,3 +273,20 @@ fn arrivals_keep_their_order_when_equal() {
         played(&samples).iter().map(|sent| &sent.bytes).collect::<Vec<_>>()
     );
 }
+
+#[test]
+fn a_cut_at_or_beside_the_border_of_any_record_is_noticed() {
+    let (whole, all) = fixture();
+    let borders = outer(whole)
+        .into_iter()
+        .flat_map(|(_, from, to)| [from, from + 1, from + 9, to]);
+    for cut in borders
+        .chain(whole.len() - 9..whole.len())
+        .filter(|cut| *cut < whole.len())
+    {
+        if let Ok(recording) = Recording::read(&whole[..cut]) {
+            assert!(!recording.damage.is_empty(), "cut at {cut} of {}", whole.len());
+            assert!(recording.messages.len() <= *all, "cut at {cut} of {}", whole.len());
+        }
+    }
+}

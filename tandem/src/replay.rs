@@ -5,6 +5,7 @@
 
 mod keyboard;
 mod player;
+mod report;
 mod target;
 
 use std::path::PathBuf;
@@ -14,7 +15,6 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use crossbeam_channel::{Receiver, never, select};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use serde_json::json;
 use tandem_link::{Clock, Link};
 use tandem_recorder::{Provenance, Recorded, RecorderConfig, RecorderSettings, Recording};
 use tandem_wire::{Nanos, Pace, RobotName, Stamp, Timing, Topic, keys, seconds};
@@ -25,6 +25,7 @@ use crate::session::{self, PLAYED};
 use crate::{BUILD, Outcome, interrupt, verify};
 use keyboard::{Key, Keyboard};
 use player::{Event, Output, Plan, Player, Speed};
+use report::Report;
 use target::{Network, Screen, Target};
 
 /// How often the progress bar moves.
@@ -143,7 +144,7 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
     let played = show.run();
     let report = show.end();
     played?;
-    report.print(flags, &recording, began.elapsed());
+    report.print(flags.json, flags.rrd.as_deref(), &recording, began.elapsed());
     Ok(if report.lost > 0 {
         Outcome::SamplesLost
     } else {
@@ -371,54 +372,6 @@ impl<'a> Show<'a> {
             is_paced: self.player.speed() != Speed::Max,
             lost: self.target.close(),
             late: self.late,
-        }
-    }
-}
-
-/// How it went.
-struct Report {
-    played: u64,
-    passes: u64,
-    is_paced: bool,
-    lost: u64,
-    /// How late each message was, sorted.
-    late: Vec<Nanos>,
-}
-
-impl Report {
-    /// The time that this part of the messages was late at most, in milliseconds.
-    fn late_ms(&self, per_mille: usize) -> Option<f64> {
-        let index = (self.late.len() * per_mille / 1000).min(self.late.len().saturating_sub(1));
-        let late = self.late.get(index).filter(|_| self.is_paced)?;
-        Some(seconds(*late) * 1e3)
-    }
-
-    fn print(&self, flags: &ReplayFlags, recording: &Recording, wall: Duration) {
-        let late = [500, 990, 1000].map(|part| self.late_ms(part));
-        if flags.json {
-            let damage: Vec<_> = recording.damage.iter().map(ToString::to_string).collect();
-            let object = json!({
-                "messages_played": self.played,
-                "passes": self.passes,
-                "messages_lost": self.lost,
-                "wall_s": wall.as_secs_f64(),
-                "pacing_error_p50_ms": late[0],
-                "pacing_error_p99_ms": late[1],
-                "pacing_error_max_ms": late[2],
-                "damage": damage,
-            });
-            println!("{object}");
-            return;
-        }
-        eprintln!(
-            "replay: {} messages played; the target missed {}",
-            self.played, self.lost
-        );
-        if let [Some(p50), Some(p99), Some(max)] = late {
-            eprintln!("replay: late by p50 {p50:.2} ms, p99 {p99:.2} ms, at most {max:.2} ms");
-        }
-        if let Some(path) = &flags.rrd {
-            println!("rerun {}", path.display());
         }
     }
 }

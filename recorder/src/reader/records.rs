@@ -116,14 +116,17 @@ pub(super) fn walk(file: &[u8], mut take: impl FnMut(Record<'_>)) -> Result<Vec<
             return;
         }
         let read = match (opcode, is_whole) {
-            (op::CHUNK, _) => unpack(frame, is_whole, &mut take).err().map(|error| match error {
-                _ if !is_whole => Damage::Truncated { at },
-                error => Damage::Chunk {
-                    at,
-                    why: error.to_string(),
-                },
+            (op::CHUNK, true) => unpack(frame, true, &mut take).err().map(|error| Damage::Chunk {
+                at,
+                why: error.to_string(),
             }),
-            (_, false) => Some(Damage::Truncated { at }),
+            (opcode, false) => {
+                if opcode == op::CHUNK {
+                    // How it ends is known: it was cut. What came before the cut has been taken.
+                    let _ = unpack(frame, false, &mut take);
+                }
+                Some(Damage::Truncated { at })
+            }
             (_, true) => match parse(opcode, &frame[FRAME..]) {
                 Some(record) => {
                     take(record);
