@@ -43,7 +43,7 @@ settings! {
         pub file_queue_mib: usize = 32, in 8..=1024;
         /// Messages that may wait for each view; more are dropped and counted.
         pub view_queue: usize = 1024, in 16..=65536;
-        /// Memory for what a viewer that comes late or comes back is shown again, in MiB: at 50 Hz about ten seconds
+        /// Memory for what a viewer that comes late or comes back is shown again, in MiB: at 50 Hz some seconds
         /// each.
         pub view_history_mib: usize = 16, in 1..=64;
     }
