@@ -17,7 +17,7 @@ use crossbeam_channel::{Receiver, never, select};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use tandem_link::{Clock, Link};
 use tandem_recorder::{Provenance, Recorded, RecorderConfig, RecorderSettings, Recording};
-use tandem_wire::{Nanos, Pace, RobotName, Stamp, Timing, Topic, keys, seconds};
+use tandem_wire::{Nanos, Pace, RobotName, SECOND, Stamp, Timing, Topic, keys, seconds};
 
 use crate::configuration::BadConfiguration;
 use crate::nodes::NodeFlags;
@@ -152,6 +152,9 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
     })
 }
 
+/// A session that ends by then is short enough for the index of its Rerun recording to be kept in memory.
+const INDEXED: Nanos = 600 * SECOND;
+
 fn open(flags: &ReplayFlags, recording: &Recording, timing: Timing) -> anyhow::Result<Target> {
     if flags.node.is_network() {
         return network(flags, recording);
@@ -167,7 +170,10 @@ fn open(flags: &ReplayFlags, recording: &Recording, timing: Timing) -> anyhow::R
     };
     let mut settings = RecorderSettings::default();
     match (&flags.rrd, flags.view.as_deref()) {
-        (Some(path), _) => settings.rrd = path.display().to_string(),
+        (Some(path), _) => {
+            settings.rrd = path.display().to_string();
+            settings.rrd_index = recording.messages.last().is_none_or(|last| last.at.0 < INDEXED);
+        }
         (None, None | Some("")) => settings.live = tandem_recorder::Live::Spawn,
         (None, Some(url)) => {
             settings.live = tandem_recorder::Live::Connect;

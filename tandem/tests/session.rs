@@ -137,8 +137,9 @@ fn a_replay_into_a_file_loses_nothing_and_takes_no_time() {
     let (original, replayed) = (session().with_extension("rrd"), rrd);
     let length = |path: &Path| std::fs::metadata(path).expect("a file").len();
     let (original, replayed) = (length(&original), length(&replayed));
+    // The same drawings in other batches: how many share a batch depends on how fast they come.
     assert!(
-        replayed > original * 9 / 10 && replayed < original * 11 / 10,
+        replayed > original * 3 / 4 && replayed < original * 5 / 4,
         "{original} and {replayed} bytes"
     );
 }
