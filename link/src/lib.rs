@@ -23,6 +23,7 @@
 
 pub mod clock;
 pub mod config;
+mod declared;
 mod journal;
 pub mod net;
 mod observer;

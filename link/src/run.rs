@@ -8,27 +8,21 @@ use std::time::Duration;
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded};
 use tandem_wire::{
-    Delivery, Envelope, Happening, Input, Nanos, Node, NodeInfo, NodeName, Numbering, Outbox, Pace, Ports, Stamp,
-    Timing, Topic, codec, encode, keys,
+    Delivery, Happening, Input, Nanos, Node, NodeInfo, NodeName, Outbox, Pace, Ports, Stamp, Timing, Topic, codec,
 };
 use zenoh::Wait;
-use zenoh::liveliness::LivelinessToken;
-use zenoh::pubsub::{Publisher, Subscriber};
-use zenoh::query::{Query, Queryable};
-use zenoh::sample::{Sample, SampleKind};
+use zenoh::pubsub::Publisher;
 
 use crate::Clock;
+use crate::declared::{Declared, Entrance};
 use crate::journal::{Journal, JournalReport};
-use crate::net::{Link, LinkError, QUERY_TIMEOUT, declare};
+use crate::net::{Link, LinkError};
 
 /// Inputs that may wait for a node. In real time more are dropped and counted; a node that far behind is lost anyway.
 const QUEUE: usize = 4096;
 
 /// In lockstep this much silence after a node's own word means that somebody does not answer.
 const SILENCE: Duration = Duration::from_secs(2);
-
-/// Questions for a node's configuration that may wait for their answers.
-const QUERIES: usize = 16;
 
 /// What the shell needs to know besides the node.
 #[derive(Clone, Debug)]
@@ -109,7 +103,7 @@ impl Device {
     }
 }
 
-enum Item {
+pub(crate) enum Item {
     Sample {
         topic: Topic,
         bytes: Vec<u8>,
@@ -200,131 +194,6 @@ where
         })
         .map_err(thread_refused)?;
     Ok(Running { sender, thread })
-}
-
-/// Where Zenoh's callbacks put what arrives.
-#[derive(Clone)]
-struct Entrance {
-    sender: Sender<Item>,
-    dropped: Arc<AtomicU64>,
-    pace: Pace,
-}
-
-impl Entrance {
-    fn put(&self, item: Item) {
-        let taken = match self.pace {
-            Pace::Lockstep => self.sender.send(item).is_ok(),
-            Pace::Real => self.sender.try_send(item).is_ok(),
-        };
-        if !taken {
-            self.dropped.fetch_add(1, Ordering::Relaxed);
-        }
-    }
-
-    fn sample(&self, topic: Topic, sample: &Sample) {
-        let bytes = sample.payload().to_bytes().into_owned();
-        let arrived = Clock::of_process().now();
-        self.put(Item::Sample { topic, bytes, arrived });
-    }
-}
-
-/// What a node has declared, kept until it ends. The token comes last: who sees it can reach the subscribers.
-struct Declared {
-    _subscribers: Vec<Subscriber<()>>,
-    _info: Queryable<()>,
-    _token: LivelinessToken,
-}
-
-impl Declared {
-    fn new<N: Ports>(link: &Link, entrance: &Entrance, options: &ShellOptions) -> Result<Self, LinkError> {
-        let mut subscribers = Vec::new();
-        for &topic in N::INPUTS
-            .iter()
-            .filter(|topic| !matches!(topic, Topic::Device | Topic::Info(_)))
-        {
-            let (key, entrance) = (topic.key(&link.robot), entrance.clone());
-            let declared = link.session.declare_subscriber(&key);
-            let subscriber = declared.callback(move |sample| entrance.sample(topic, &sample)).wait();
-            subscribers.push(subscriber.map_err(|error| declare(&key, &error))?);
-        }
-        let info = answer_info::<N>(link, options)?;
-        let key = Topic::Alive(N::NAME).key(&link.robot);
-        let token = link
-            .session
-            .liveliness()
-            .declare_token(&key)
-            .wait()
-            .map_err(|error| declare(&key, &error))?;
-        subscribers.push(watch_presence::<N>(link, entrance)?);
-        Ok(Self {
-            _subscribers: subscribers,
-            _info: info,
-            _token: token,
-        })
-    }
-}
-
-/// Answers whoever asks who this node is, on a thread of its own: a model takes its time on a thin line, and Zenoh's
-/// thread, on which a query arrives, is the one that brings states and commands.
-fn answer_info<N: Ports>(link: &Link, options: &ShellOptions) -> Result<Queryable<()>, LinkError> {
-    let key = Topic::Info(N::NAME).key(&link.robot);
-    let mut bytes = Vec::new();
-    let mut numbering = Numbering::new(options.info.session);
-    let envelope: Envelope<NodeInfo> = numbering.envelope(Clock::of_process().now(), 0, options.info.clone());
-    encode(&envelope, &mut bytes);
-    let reply_key = key.clone();
-    let (asked, queries) = bounded::<Query>(QUERIES);
-    let answer = move || {
-        for query in queries {
-            // Whoever asked and went away needs no answer.
-            let _ = query.reply(&reply_key, bytes.as_slice()).wait();
-        }
-    };
-    // It ends with the queryable, which drops the sender.
-    let thread = std::thread::Builder::new().name("info".into()).spawn(answer);
-    thread.map_err(|error| LinkError::Declare {
-        key: key.clone(),
-        reason: error.to_string(),
-    })?;
-    let queryable = link.session.declare_queryable(&key).callback(move |query| {
-        // Where so many are waiting, one more may ask again.
-        let _ = asked.try_send(query);
-    });
-    queryable.wait().map_err(|error| declare(&key, &error))
-}
-
-/// Reports peers that come and go; asks those for their configuration whose answer this node listens to.
-fn watch_presence<N: Ports>(link: &Link, entrance: &Entrance) -> Result<Subscriber<()>, LinkError> {
-    let key = format!("{}/{}/alive/*", keys::ROOT, link.robot);
-    let (entrance, session, robot) = (entrance.clone(), link.session.clone(), link.robot.clone());
-    let report = move |sample: Sample| {
-        let Some((_, Topic::Alive(peer))) = keys::parse(sample.key_expr().as_str()) else {
-            return;
-        };
-        let alive = sample.kind() == SampleKind::Put;
-        entrance.put(Item::Presence { peer, alive });
-        let topic = Topic::Info(peer);
-        if alive && N::INPUTS.contains(&topic) {
-            let entrance = entrance.clone();
-            let query = session.get(topic.key(&robot)).timeout(QUERY_TIMEOUT);
-            // A peer that vanishes again before it answers will be asked when it comes back.
-            let _ = query
-                .callback(move |reply| {
-                    reply
-                        .result()
-                        .into_iter()
-                        .for_each(|sample| entrance.sample(topic, sample))
-                })
-                .wait();
-        }
-    };
-    let subscriber = link
-        .session
-        .liveliness()
-        .declare_subscriber(&key)
-        .history(true)
-        .callback(report);
-    subscriber.wait().map_err(|error| declare(&key, &error))
 }
 
 /// What a shell does next.

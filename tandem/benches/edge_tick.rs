@@ -1,8 +1,6 @@
 //! What one whole tick costs at the edge, without the network: bytes of a command in, through predictor, arbiter and
 //! robot-sim with every message encoded and decoded between them, bytes of the next state out.
 
-use std::hint::black_box;
-
 use criterion::{Criterion, criterion_group, criterion_main};
 use tandem_arbiter::{Arbiter, ArbiterSettings};
 use tandem_cesn::{Demonstration, Model, Settings};
@@ -156,23 +154,32 @@ fn benches(criterion: &mut Criterion) {
             criterion::BatchSize::LargeInput,
         );
     });
-    let mut looped = Loop::new(model.clone());
-    for _ in 0..60 {
+    criterion.bench_function("edge: 20 ticks under shared control", |bencher| {
+        bencher.iter_batched(
+            || shared(model.clone()),
+            |mut looped| {
+                for _ in 0..20 {
+                    looped.operate();
+                    looped.edge();
+                }
+                looped
+            },
+            criterion::BatchSize::LargeInput,
+        );
+    });
+}
+
+/// The loop twelve ticks after the checkpoint or so, where human and robot share the command and the arm moves.
+fn shared(model: Model) -> Loop {
+    let mut looped = Loop::new(model);
+    for _ in 0..55 {
         looped.operate();
         looped.edge();
     }
     let state = decode::<State>(&looped.state).expect("a state").body;
-    assert!(
-        state.obeys.is_some_and(|obeyed| obeyed.setpoint.guidance.is_some()),
-        "shared control is on"
-    );
-    criterion.bench_function("edge: one tick under shared control", |bencher| {
-        bencher.iter(|| {
-            looped.operate();
-            looped.edge();
-            black_box(&looped.state).len()
-        });
-    });
+    let setpoint = state.obeys.expect("a setpoint").setpoint;
+    assert!(setpoint.guidance.is_some() && setpoint.motion.is_permitted() && !state.at_rest);
+    looped
 }
 
 criterion_group!(edge, benches);

@@ -15,7 +15,8 @@ use tandem_wire::{JournalBatch, NodeName, Pace, Scene, Setpoint, State, Topic, T
 
 use crate::configuration::{self, CommonFlags};
 use crate::latency::{Latency, Quantiles};
-use crate::nodes::{self, Parts, RunningRecorder, ViewFlag};
+use crate::nodes::ViewFlag;
+use crate::parts::{Parts, RunningRecorder, lost};
 use crate::summary::{Figures, Summary};
 use crate::trial::TrialMarks;
 use crate::{Outcome, interrupt, shipped, table};
@@ -321,7 +322,7 @@ impl Report {
     fn outcome(&self) -> Outcome {
         if !self.figures.reached_goal {
             Outcome::Failed
-        } else if nodes::lost(&self.closed) > 0 {
+        } else if lost(&self.closed) > 0 {
             Outcome::SamplesLost
         } else {
             Outcome::Done
@@ -348,7 +349,7 @@ impl Report {
             "latency_p99_ms": self.latency.map(|quantiles| quantiles.p99_ms),
             "train_ms": self.trained.as_secs_f64() * 1e3,
             "wall_s": self.wall.as_secs_f64(),
-            "messages_lost": nodes::lost(&self.closed),
+            "messages_lost": lost(&self.closed),
         });
         if let (Some(object), serde_json::Value::Object(more)) = (object.as_object_mut(), more) {
             object.extend(more);
@@ -392,7 +393,7 @@ impl Report {
             ),
             ("stops", stops),
             ("command to motion", latency),
-            ("messages lost", nodes::lost(&self.closed).to_string()),
+            ("messages lost", lost(&self.closed).to_string()),
             ("session", recorder.path.clone()),
             (
                 "recording",

@@ -6,6 +6,7 @@ mod forecast;
 mod interrupt;
 mod latency;
 mod nodes;
+mod parts;
 mod replay;
 mod session;
 mod shipped;

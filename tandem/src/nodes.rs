@@ -1,4 +1,4 @@
-//! The five nodes, built from one configuration: for the demo in one process, and for a process each.
+//! The five nodes as processes of their own: flags, connecting, Ctrl-C.
 
 use std::io::IsTerminal as _;
 use std::ops::ControlFlow;
@@ -10,31 +10,16 @@ use std::time::Duration;
 use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
 use crossbeam_channel::{Receiver, bounded, select};
-use tandem_arbiter::Arbiter;
-use tandem_cesn::Model;
 use tandem_link::net::DEFAULT_ENDPOINT;
-use tandem_link::{Clock, Link, LinkSettings, Observer, Running, ShellOptions, Sighting, fresh_session, spawn};
-use tandem_operator::{Operator, SourceKind, keyboard};
-use tandem_predictor::Predictor;
-use tandem_recorder::{Closed, Provenance, Recorder, RecorderConfig, Sinks};
-use tandem_robot_sim::RobotSim;
-use tandem_trials::{Blueprint, Configuration};
-use tandem_wire::{NodeInfo, NodeName, Ports, Trial};
+use tandem_link::{Link, LinkSettings, Observer, Running, Sighting};
+use tandem_operator::{SourceKind, keyboard};
+use tandem_trials::Configuration;
+use tandem_wire::{NodeName, Trial};
 
 use crate::configuration::{self, BadConfiguration, CommonFlags};
+use crate::parts::{CLOSE_LIMIT, LOOP, Parts, lost};
 use crate::trial::TrialMarks;
-use crate::{BUILD, Outcome, forecast, interrupt, shipped};
-
-/// The nodes without which no tick is complete.
-pub(crate) const LOOP: [NodeName; 4] = [
-    NodeName::Operator,
-    NodeName::Predictor,
-    NodeName::Arbiter,
-    NodeName::RobotSim,
-];
-
-/// How long a closing recorder may take to write what it has.
-const CLOSE_LIMIT: Duration = Duration::from_secs(5);
+use crate::{Outcome, forecast, interrupt, shipped};
 
 /// Flags that say whom to talk to.
 #[derive(Args, Clone, Debug)]
@@ -168,148 +153,6 @@ impl ViewFlag {
     }
 }
 
-/// What nodes are built from.
-pub(crate) struct Parts {
-    blueprint: Blueprint,
-    await_peers: Vec<NodeName>,
-}
-
-impl Parts {
-    /// # Errors
-    /// If settings that are each right cannot be right together.
-    pub(crate) fn new(configuration: Configuration, model: Option<Model>) -> anyhow::Result<Self> {
-        let blueprint = Blueprint::new(configuration, fresh_session(), model).map_err(BadConfiguration::from)?;
-        Ok(Self {
-            blueprint,
-            await_peers: LOOP.to_vec(),
-        })
-    }
-
-    /// In lockstep nodes also wait for the recorder, so that the record begins with the first message.
-    pub(crate) fn recorded_from_the_start(mut self) -> Self {
-        self.await_peers.push(NodeName::Recorder);
-        self
-    }
-
-    fn options<N: Ports>(&self) -> ShellOptions {
-        let configuration = self.blueprint.configuration();
-        let lockstep = self.blueprint.timing().pace == tandem_wire::Pace::Lockstep && N::NAME != NodeName::Recorder;
-        let model = match N::NAME {
-            NodeName::Predictor => self.blueprint.model().map(Model::to_bytes).unwrap_or_default(),
-            _ => Vec::new(),
-        };
-        ShellOptions {
-            timing: self.blueprint.timing(),
-            info: NodeInfo {
-                session: self.blueprint.session(),
-                config: configuration.to_toml(),
-                seed: configuration.rates.seed,
-                build: BUILD.to_owned(),
-                model,
-            },
-            await_peers: if lockstep {
-                self.await_peers
-                    .iter()
-                    .copied()
-                    .filter(|name| *name != N::NAME)
-                    .collect()
-            } else {
-                vec![]
-            },
-        }
-    }
-
-    pub(crate) fn operator(&self, link: &Link, show: impl FnMut(String) + Send + 'static) -> anyhow::Result<Running> {
-        let mut show = show;
-        let local = move |_, output| {
-            if let tandem_operator::Output::Status(status) = output {
-                show(status.to_string());
-            }
-        };
-        Ok(spawn(
-            link,
-            self.blueprint.operator(),
-            self.options::<Operator>(),
-            local,
-        )?)
-    }
-
-    pub(crate) fn predictor(&self, link: &Link) -> anyhow::Result<Running> {
-        let node = self.blueprint.predictor()?;
-        Ok(spawn(link, node, self.options::<Predictor>(), |_, _| {})?)
-    }
-
-    pub(crate) fn arbiter(&self, link: &Link) -> anyhow::Result<Running> {
-        let node = self.blueprint.arbiter().map_err(BadConfiguration::from)?;
-        Ok(spawn(link, node, self.options::<Arbiter>(), |_, _| {})?)
-    }
-
-    pub(crate) fn robot_sim(&self, link: &Link) -> anyhow::Result<Running> {
-        let node = self.blueprint.robot_sim().map_err(BadConfiguration::from)?;
-        Ok(spawn(link, node, self.options::<RobotSim>(), |_, _| {})?)
-    }
-}
-
-/// A recorder at work, with its file and views.
-pub(crate) struct RunningRecorder {
-    node: Running,
-    sinks: Arc<Mutex<Sinks>>,
-}
-
-impl RunningRecorder {
-    /// Ends the recorder: what has arrived is written, the file closed.
-    pub(crate) fn stop(self) -> anyhow::Result<Closed> {
-        self.node.stop();
-        if self.node.join().is_none() {
-            bail!("the recorder panicked: please report this; the session file ends at its last flush");
-        }
-        let sinks = Arc::into_inner(self.sinks).and_then(|sinks| sinks.into_inner().ok());
-        Ok(sinks
-            .context("the recorder's files are still in use")?
-            .close(CLOSE_LIMIT))
-    }
-}
-
-impl Parts {
-    /// Opens the session file and the views, before anything is heard: a path that cannot be written is known at once.
-    pub(crate) fn sinks(&self) -> anyhow::Result<Sinks> {
-        let configuration = self.blueprint.configuration();
-        let config = RecorderConfig::new(&configuration.recorder)
-            .map_err(|error| BadConfiguration::Conflict(error.to_string()))?;
-        let provenance = Provenance {
-            robot: configuration.link.robot.parse()?,
-            build: BUILD.to_owned(),
-            epoch_unix_nanos: Clock::of_process().origin_unix_nanos(),
-        };
-        Ok(Sinks::open(&config, self.blueprint.timing(), &provenance)?)
-    }
-
-    pub(crate) fn recorder(&self, link: &Link, sinks: Sinks) -> anyhow::Result<RunningRecorder> {
-        let sinks = Arc::new(Mutex::new(sinks));
-        let shared = Arc::clone(&sinks);
-        let local = move |_, output| {
-            if let Ok(mut sinks) = shared.lock() {
-                sinks.handle(output);
-                for notice in sinks.notices() {
-                    eprintln!("recorder: {notice}");
-                }
-            }
-        };
-        let node = spawn(
-            link,
-            Recorder::new(self.blueprint.timing()),
-            self.options::<Recorder>(),
-            local,
-        )?;
-        Ok(RunningRecorder { node, sinks })
-    }
-}
-
-/// Messages that are missing from the session file; a view may miss some without harm.
-pub(crate) fn lost(closed: &Closed) -> u64 {
-    closed.drops.session_file
-}
-
 /// A process around one node: connected, and listening for Ctrl-C.
 struct Process {
     link: Link,
@@ -320,7 +163,7 @@ impl Process {
     /// Connects, for as long as it takes; `None` if the user gave up first.
     fn begin(parts: &Parts, name: NodeName) -> anyhow::Result<Option<Self>> {
         let interrupted = interrupt::catch()?;
-        let settings = parts.blueprint.configuration().link.clone();
+        let settings = parts.link_settings().clone();
         eprintln!("{name}: {}", describe(&settings));
         let (sender, opened) = bounded(1);
         // Dialling blocks until somebody answers; meanwhile Ctrl-C must still work.
@@ -514,7 +357,7 @@ pub(crate) fn recorder(flags: &RecorderFlags) -> anyhow::Result<Outcome> {
         }
     };
     let recorder = parts.recorder(&process.link, sinks)?;
-    process.wait(&recorder.node);
+    process.wait(recorder.node());
     let closed = recorder.stop()?;
     process.link.close();
     for ended in &closed.sinks {
