@@ -6,6 +6,8 @@
 //! [`reexecute`](fn@reexecute) does the second: it feeds every node of a recording its own journal and says whether
 //! the same came out.
 //!
+//! [`World`] runs a trial of these nodes under virtual time, in one thread and without a network.
+//!
 //! The crate refuses to know flags, terminals and exit codes: those belong to the command line. It reads no clock.
 //!
 //! Start reading at [`Blueprint`], then `reexecute.rs`.
@@ -18,9 +20,11 @@ mod configuration;
 mod fields;
 mod reexecute;
 mod verdict;
+pub mod world;
 
 pub use blueprint::{Blueprint, Unbuildable};
 pub use configuration::Configuration;
 pub use fields::{EPSILON, FieldDifference};
 pub use reexecute::reexecute;
 pub use verdict::{Difference, Divergence, Findings, Missing, Overall, RunFinding, Verdict};
+pub use world::{Halt, Player, Seat, World};
