@@ -8,6 +8,8 @@
 //!
 //! [`World`] runs a trial of these nodes under virtual time, in one thread and without a network.
 //!
+//! [`Plan`](plan::Plan) is an experiment as it was written down, [`run`] the folder that holds what became of it.
+//!
 //! The crate refuses to know flags, terminals and exit codes: those belong to the command line. It reads no clock.
 //!
 //! Start reading at [`Blueprint`], then `reexecute.rs`.
@@ -18,7 +20,9 @@
 mod blueprint;
 mod configuration;
 mod fields;
+pub mod plan;
 mod reexecute;
+pub mod run;
 mod verdict;
 pub mod world;
 
