@@ -8,6 +8,8 @@
 //!
 //! A [`Tracer`] follows one trial and makes a [`Trace`] of it; [`Measures`] are its figures.
 //!
+//! [`World`] runs a trial of these nodes under virtual time, in one thread and without a network.
+//!
 //! The crate refuses to know flags, terminals and exit codes: those belong to the command line. It reads no clock.
 //!
 //! Start reading at [`Blueprint`], then `reexecute.rs`.
@@ -25,6 +27,7 @@ mod smoothness;
 pub mod trace;
 mod tracer;
 mod verdict;
+pub mod world;
 
 pub use blueprint::{Blueprint, Unbuildable};
 pub use configuration::Configuration;
@@ -36,3 +39,4 @@ pub use smoothness::sparc;
 pub use trace::Trace;
 pub use tracer::Tracer;
 pub use verdict::{Difference, Divergence, Findings, Missing, Overall, RunFinding, Verdict};
+pub use world::{Halt, Player, Seat, World};
