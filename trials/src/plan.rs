@@ -325,6 +325,7 @@ impl Reading<'_> {
             }
         }
         layer.finish(&LAYERED)?;
+        Configuration::from_document(&layer)?;
         Ok(layer)
     }
 

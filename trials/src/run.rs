@@ -119,7 +119,7 @@ impl TrialEntry {
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// There is no run in it.
-    #[error("{} is no run's folder: it has no {INFO}; `tandem trial run PLAN --out {0}` makes one", .path.display(), .path.display())]
+    #[error("{} is no run's folder: it has no {INFO}; `tandem trial run PLAN --out {0}` makes one", .path.display())]
     NotARun {
         /// The folder.
         path: PathBuf,
@@ -430,7 +430,9 @@ impl RunLog {
 
 /// Lays out a new run in a folder that is empty or not there. `run.json` comes last: with it, it is a run.
 fn begin(path: &Path, plan: &Plan, build: &str) -> Result<(), RunError> {
-    let left_over = |name: &std::ffi::OsStr| name == PLAN || name == TRACES || name.to_string_lossy().ends_with(".tmp");
+    let left_over = |name: &std::ffi::OsStr| {
+        name == PLAN || name == LOG || name == TRACES || name.to_string_lossy().ends_with(".tmp")
+    };
     match fs::read_dir(path) {
         Ok(entries) => {
             let strange = entries
@@ -456,8 +458,10 @@ fn begin(path: &Path, plan: &Plan, build: &str) -> Result<(), RunError> {
         path: info_path.clone(),
         source,
     })?;
+    // Appending: a log that is there already is not ours to empty.
     let log = path.join(LOG);
-    File::create(&log).map_err(io_error("make", &log))?;
+    let made = OpenOptions::new().append(true).create(true).open(&log);
+    made.map_err(io_error("make", &log))?;
     write_whole(&info_path, &bytes)
 }
 

@@ -115,7 +115,7 @@ mod tests {
         let mut low = document().below("laws.a");
         low.lay(&document().below("laws.b"));
         assert_eq!(low.place_of("arbiter.law").unwrap().to_string(), "plan.toml:2:1");
-        assert_eq!(low.place_of("arbiter.floor").unwrap().to_string(), "plan.toml:4:30");
+        assert_eq!(low.place_of("arbiter.floor").unwrap().to_string(), "plan.toml:4:34");
         let refused = low.finish(&[]).unwrap_err().to_string();
         assert!(refused.contains("unknown section arbiter"), "{refused}");
     }
