@@ -55,10 +55,9 @@ fn put_newest(sender: &Sender<Item>, oldest: &Receiver<Item>, item: Item) -> u64
             Err(TrySendError::Disconnected(_)) => return lost + 1,
             Err(TrySendError::Full(refused)) => next = refused,
         }
-        match oldest.try_recv() {
-            // It goes to the back, and takes the place of what came: nothing that comes now matters any more.
-            Ok(Item::Stop) => next = Item::Stop,
-            Ok(_) | Err(_) => {}
+        // The wish to end goes to the back, in the place of what came: nothing that comes now matters any more.
+        if let Ok(Item::Stop) = oldest.try_recv() {
+            next = Item::Stop;
         }
         lost += 1;
     }
