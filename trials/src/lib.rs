@@ -28,6 +28,7 @@ pub mod plan;
 mod reexecute;
 pub mod run;
 mod smoothness;
+pub mod statistics;
 pub mod trace;
 mod tracer;
 mod verdict;
