@@ -54,6 +54,11 @@ enum Subcommands {
         #[command(subcommand)]
         command: session::SessionCommands,
     },
+    /// Plans and runs experiments.
+    Trial {
+        #[command(subcommand)]
+        command: trial::TrialCommands,
+    },
     /// Trains a model from demonstrations.
     Train(train::TrainFlags),
     /// Prints a model's forecast for a context.
@@ -93,6 +98,7 @@ fn main() -> ExitCode {
         Subcommands::Recorder(flags) => nodes::recorder(&flags),
         Subcommands::Replay(flags) => replay::run(&flags),
         Subcommands::Session { command } => session::run(&command),
+        Subcommands::Trial { command } => trial::run(&command),
         Subcommands::Train(flags) => train::run(&flags),
         Subcommands::Forecast(flags) => forecast::run(&flags),
         Subcommands::Config {

@@ -19,7 +19,7 @@ pub struct Blueprint {
     session: Session,
     timing: Timing,
     frame: TaskFrame,
-    model: Option<Arc<Model>>,
+    models: Vec<Arc<Model>>,
 }
 
 /// Settings that are each right and cannot be right together.
@@ -48,11 +48,23 @@ impl Blueprint {
     /// # Errors
     /// If the task's axes do not span a plane.
     pub fn new(configuration: Configuration, session: Session, model: Option<Model>) -> Result<Self, Unbuildable> {
+        Self::with_models(configuration, session, model.map(Arc::new).into_iter().collect())
+    }
+
+    /// The same with a model for each of several checkpoints, or none.
+    ///
+    /// # Errors
+    /// If the task's axes do not span a plane.
+    pub fn with_models(
+        configuration: Configuration,
+        session: Session,
+        models: Vec<Arc<Model>>,
+    ) -> Result<Self, Unbuildable> {
         Ok(Self {
             session,
             timing: configuration.rates.timing(),
             frame: configuration.task.frame()?,
-            model: model.map(Arc::new),
+            models,
             configuration,
         })
     }
@@ -75,10 +87,17 @@ impl Blueprint {
         self.timing
     }
 
-    /// The predictor's model.
+    /// The predictor's models, one for each checkpoint.
     #[must_use]
-    pub fn model(&self) -> Option<&Model> {
-        self.model.as_deref()
+    pub fn models(&self) -> &[Arc<Model>] {
+        &self.models
+    }
+
+    /// Their files one after the other, as a recording keeps them and
+    /// [`Model::several_from_bytes`] reads them.
+    #[must_use]
+    pub fn model_bytes(&self) -> Vec<u8> {
+        self.models.iter().flat_map(|model| model.to_bytes()).collect()
     }
 
     /// The operator.
@@ -95,9 +114,17 @@ impl Blueprint {
     /// # Errors
     /// If there is no model, or it is one for another task.
     pub fn predictor(&self) -> Result<Predictor, Unbuildable> {
-        let model = self.model.clone().ok_or(Unbuildable::NoModel)?;
-        let settings = &self.configuration.predictor;
-        Ok(Predictor::new(self.session, self.timing, self.frame, model, settings)?)
+        if self.models.is_empty() {
+            return Err(Unbuildable::NoModel);
+        }
+        let (models, settings) = (self.models.clone(), &self.configuration.predictor);
+        Ok(Predictor::with_models(
+            self.session,
+            self.timing,
+            self.frame,
+            models,
+            settings,
+        )?)
     }
 
     /// The arbiter.

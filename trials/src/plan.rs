@@ -20,6 +20,7 @@
 //!
 //! Pure: a text goes in, checked values or an [`Error`](BadPlan) with its place come out.
 
+mod models;
 mod order;
 mod participant;
 mod reach;
@@ -28,6 +29,7 @@ mod sections;
 use sha2::{Digest, Sha256};
 use tandem_settings::{Document, Error, Place, Section};
 
+pub use models::{ModelFault, NoModel};
 pub use order::Slot;
 pub use participant::{BadCode, Participant};
 pub use reach::OutOfReach;

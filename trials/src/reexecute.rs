@@ -12,6 +12,7 @@
 //! recording itself.
 
 use std::collections::{BTreeSet, VecDeque};
+use std::sync::Arc;
 
 use tandem_cesn::Model;
 use tandem_recorder::{Evidence, RecordedNode, Run};
@@ -96,11 +97,11 @@ fn execute(
     tick: &mut dyn FnMut(u64),
 ) -> Result<(Verdict, Ran), Missing> {
     let unbuildable = |why: &dyn std::error::Error| Missing::Buildable { why: why.to_string() };
-    let model = match run.node {
-        NodeName::Predictor => Some(model(evidence, recorded)?),
-        _ => None,
+    let models = match run.node {
+        NodeName::Predictor => models(evidence, recorded)?,
+        _ => Vec::new(),
     };
-    let blueprint = blueprint(run.session, recorded, model)?;
+    let blueprint = blueprint(run.session, recorded, models)?;
     Ok(match run.node {
         NodeName::Operator => follow(blueprint.operator(), journal, tick),
         NodeName::Predictor => follow(blueprint.predictor().map_err(|why| unbuildable(&why))?, journal, tick),
@@ -110,19 +111,20 @@ fn execute(
     })
 }
 
-fn model(evidence: &Evidence, recorded: &RecordedNode) -> Result<Model, Missing> {
+fn models(evidence: &Evidence, recorded: &RecordedNode) -> Result<Vec<Arc<Model>>, Missing> {
     let sha256 = recorded.model.clone();
     let bytes = sha256.as_deref().and_then(|sha256| evidence.model(sha256));
     let bytes = bytes.ok_or(Missing::Model { sha256 })?;
-    Model::from_bytes(bytes).map_err(|why| Missing::Buildable { why: why.to_string() })
+    let models = Model::several_from_bytes(bytes).map_err(|why| Missing::Buildable { why: why.to_string() })?;
+    Ok(models.into_iter().map(Arc::new).collect())
 }
 
-fn blueprint(session: Session, recorded: &RecordedNode, model: Option<Model>) -> Result<Blueprint, Missing> {
+fn blueprint(session: Session, recorded: &RecordedNode, models: Vec<Arc<Model>>) -> Result<Blueprint, Missing> {
     let unreadable = |why: String| Missing::Buildable { why };
     let read = Document::parse("recorded", &recorded.config).and_then(|text| Configuration::from_document(&text));
     let mut configuration = read.map_err(|why| unreadable(why.to_string()))?;
     configuration.rates.seed = recorded.seed;
-    Blueprint::new(configuration, session, model).map_err(|why| unreadable(why.to_string()))
+    Blueprint::with_models(configuration, session, models).map_err(|why| unreadable(why.to_string()))
 }
 
 /// What was executed of a run.
