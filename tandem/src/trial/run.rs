@@ -256,7 +256,8 @@ impl Run<'_> {
             trace,
         };
         let finished = entry.is_finished();
-        if let (false, Some(why)) = (finished, &entry.reason) {
+        // A person was told already, and not the condition's name.
+        if let (false, true, Some(why)) = (finished, self.prepared.is_simulated(), &entry.reason) {
             let name = self.name(slot);
             self.bar.suspend(|| eprintln!("trial {number} ({name}) aborted: {why}"));
         }
