@@ -40,10 +40,15 @@ pub struct RunFinding {
     pub steps: u64,
     /// Outputs compared, and the same.
     pub outputs: u64,
-    /// How much of the node's own time they cover.
+    /// Snapshots of the node's state compared, and the same.
+    pub snapshots: u64,
+    /// How much of the node's own time they cover, without what lies in gaps.
     pub span: Nanos,
     /// Whether the journal ends because the node was asked to end.
     pub stopped: bool,
+    /// The journal entries, snapshots all, from which it was executed on because entries before them are missing. With
+    /// [`Verdict::Identical`] there is one: the recording began later than the run.
+    pub resumed: Vec<u64>,
 }
 
 /// How a run came out.
@@ -92,6 +97,15 @@ pub enum Difference {
     Absent,
     /// It comes out now and was not recorded.
     Additional,
+    /// What the node carries on from step to step is something else, though no output has shown it yet.
+    State {
+        /// The first byte of the snapshot that differs.
+        from: usize,
+        /// The length of the snapshot that was recorded, in bytes.
+        recorded: usize,
+        /// The length of the one that comes out now.
+        again: usize,
+    },
 }
 
 /// What re-execution lacks.
@@ -202,6 +216,7 @@ impl Verdict {
 impl fmt::Display for RunFinding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.verdict.as_str())?;
+        self.say_whence(f)?;
         match &self.verdict {
             Verdict::Identical => {}
             Verdict::Close { largest, field } => {
@@ -211,7 +226,12 @@ impl fmt::Display for RunFinding {
                 )?;
             }
             Verdict::Diverged(divergence) => return write!(f, " at {divergence}"),
-            Verdict::Incomplete(missing) => write!(f, ": {missing}")?,
+            Verdict::Incomplete(missing) => {
+                write!(f, ": {missing}")?;
+                for entry in &self.resumed {
+                    write!(f, "; executed on from the snapshot at entry {entry}, and the same there")?;
+                }
+            }
         }
         if self.steps > 0 {
             let counted = (self.steps, self.outputs, seconds(self.span));
@@ -221,6 +241,19 @@ impl fmt::Display for RunFinding {
             f.write_str("; up to its last entry: it was killed, or outlived the recording")?;
         }
         Ok(())
+    }
+}
+
+impl RunFinding {
+    /// From which entry on, if not from the first.
+    fn say_whence(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (&self.verdict, self.resumed.first()) {
+            (Verdict::Identical | Verdict::Close { .. }, Some(first)) => write!(
+                f,
+                " from journal entry {first} on, a snapshot (the recording lacks the beginning)"
+            ),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -237,6 +270,11 @@ impl fmt::Display for Divergence {
             Difference::Topic(now) => write!(f, ": an output on {now} instead"),
             Difference::Absent => f.write_str(": recorded, but does not come out again"),
             Difference::Additional => f.write_str(": comes out, but was not recorded"),
+            Difference::State { from, recorded, again } => write!(
+                f,
+                ": the node's state differs from byte {from} of its snapshot on ({recorded} bytes recorded, {again} now), \
+                 though no output has shown it yet"
+            ),
         }
     }
 }

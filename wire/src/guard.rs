@@ -6,7 +6,7 @@
 
 use bincode::{Decode, Encode};
 
-use crate::{Deadman, Header, Malformed, MessageId, Nanos, Seq, Session, Stamp};
+use crate::{Deadman, Header, Malformed, Memory, MessageId, Nanos, Remember, Seq, Session, Stamp};
 
 /// Why a message was dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, thiserror::Error)]
@@ -52,7 +52,7 @@ impl Refusals {
 }
 
 /// Admits one stream's messages in order and knows when the stream is lost.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Guard {
     timeout: Nanos,
     newest: Option<MessageId>,
@@ -124,6 +124,18 @@ impl Guard {
     }
 }
 
+impl Remember for Guard {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            timeout: _,
+            newest,
+            arrived,
+        } = self;
+        memory.part(newest)?;
+        memory.part(arrived)
+    }
+}
+
 /// Timeout of a stream: 100 ms, or two and a half of its periods if that is longer.
 #[must_use]
 pub const fn stream_timeout(floor: Nanos, period: Nanos) -> Nanos {
@@ -137,7 +149,7 @@ const REMEMBERED: usize = 256;
 /// Remembers when states were sent (or seen), to tell how old the state was that an answer was made from.
 ///
 /// A backlog that arrives in order looks fresh; its echoes do not.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Echoes {
     session: Option<Session>,
     slots: Vec<(Seq, Stamp)>,
@@ -178,6 +190,15 @@ impl Echoes {
             Some(age) if age <= limit => Ok(age),
             _ => Err(Refusal::LoopTooOld),
         }
+    }
+}
+
+impl Remember for Echoes {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self { session, slots } = self;
+        memory.part(session)?;
+        memory.part(slots)?;
+        memory.check(slots.len() == REMEMBERED)
     }
 }
 
