@@ -70,11 +70,7 @@ impl Lookout {
 
 impl Remember for Lookout {
     fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
-        let Self {
-            planes,
-            passed,
-            before,
-        } = self;
+        let Self { planes, passed, before } = self;
         memory.part(passed)?;
         memory.check(*passed <= planes.len())?;
         memory.part(before)

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use bincode::{Decode, Encode};
 use tandem_cesn::{Forecaster, Model};
 use tandem_wire::{
-    Envelope, Forecast, Guard, Guidance, Header, Malformed, Memory, Node, Numbering, Outbox, Proposal, Refusal, Refusals,
-    Remember, Session, Stamp, State, TaskFrame, Timing, Unreadable,
+    Envelope, Forecast, Guard, Guidance, Header, Malformed, Memory, Node, Numbering, Outbox, Proposal, Refusal,
+    Refusals, Remember, Session, Stamp, State, TaskFrame, Timing, Unreadable,
 };
 
 use crate::checkpoint::{Crossing, Lookout, Plane};

@@ -4,8 +4,8 @@ use std::mem::discriminant;
 use std::sync::Arc;
 
 use tandem_wire::{
-    Envelope, Malformed, Memory, Motion, Node, NodeName, Outbox, Pace, Reason, Remember, SECOND, Setpoint, Stamp, State,
-    Timing, Topic, Trial, Unreadable, seconds,
+    Envelope, Malformed, Memory, Motion, Node, NodeName, Outbox, Pace, Reason, Remember, SECOND, Setpoint, Stamp,
+    State, Timing, Topic, Trial, Unreadable, seconds,
 };
 
 use crate::heard::{Entry, Heard, Level, Note, Sample};

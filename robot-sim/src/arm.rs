@@ -275,8 +275,7 @@ impl Arm {
             let mut pairs = values.iter().zip(limits);
             pairs.all(|(value, limit)| value.abs() <= limit * POSSIBLE)
         };
-        let in_range =
-            |joint: usize| (POSITION_MIN_RAD[joint]..=POSITION_MAX_RAD[joint]).contains(&self.angles[joint]);
+        let in_range = |joint: usize| (POSITION_MIN_RAD[joint]..=POSITION_MAX_RAD[joint]).contains(&self.angles[joint]);
         (0..JOINTS).all(in_range)
             && within(&self.speeds, &SPEED_MAX_RAD_S)
             && within(&self.accelerations, &ACCELERATION_MAX_RAD_S2)

@@ -1,9 +1,7 @@
 //! The 1 kHz loop: the arm and the setpoint in force, advanced lazily from one event to the next.
 
 use bincode::{Decode, Encode};
-use tandem_wire::{
-    Clearance, Cylinder, Envelope, MILLISECOND, Malformed, Memory, Obeyed, Remember, Setpoint, Stamp,
-};
+use tandem_wire::{Clearance, Cylinder, Envelope, MILLISECOND, Malformed, Memory, Obeyed, Remember, Setpoint, Stamp};
 
 use crate::arm::{Arm, Drive, ToolBounds};
 use crate::kinematics::{Frames, forward};

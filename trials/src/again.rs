@@ -13,7 +13,9 @@
 
 use std::collections::VecDeque;
 
-use tandem_wire::{Happening, Input, JournalBatch, JournalEntry, Nanos, Outbox, Ports, Stamp, Topic, restore, snapshot};
+use tandem_wire::{
+    Happening, Input, JournalBatch, JournalEntry, Nanos, Outbox, Ports, Stamp, Topic, restore, snapshot,
+};
 
 use crate::fields::{Comparison, compare};
 use crate::verdict::{Difference, Divergence, Missing, Verdict};

@@ -125,4 +125,3 @@ fn blueprint(session: Session, recorded: &RecordedNode, model: Option<Model>) ->
     configuration.rates.seed = recorded.seed;
     Blueprint::new(configuration, session, model).map_err(|why| unreadable(why.to_string()))
 }
-

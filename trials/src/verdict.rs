@@ -229,7 +229,10 @@ impl fmt::Display for RunFinding {
             Verdict::Incomplete(missing) => {
                 write!(f, ": {missing}")?;
                 for entry in &self.resumed {
-                    write!(f, "; executed on from the snapshot at entry {entry}, and the same there")?;
+                    write!(
+                        f,
+                        "; executed on from the snapshot at entry {entry}, and the same there"
+                    )?;
                 }
             }
         }
