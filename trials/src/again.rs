@@ -108,11 +108,7 @@ impl<N: Ports> Again<N> {
         self.node = None;
         self.unconfirmed.clear();
         self.ran.now = None;
-        // A beginning that a snapshot made up for is the least that can be missing; else the first gap is named.
-        let made_up = matches!(self.missing, Some(Missing::Beginning { .. })) && !self.ran.resumed.is_empty();
-        if self.missing.is_none() || made_up {
-            self.missing = Some(missing);
-        }
+        self.missing.get_or_insert(missing);
     }
 
     fn take(
@@ -232,10 +228,8 @@ impl<N: Ports> Again<N> {
 
     /// The verdict on a journal that ends before entry `next` and shows no divergence.
     fn verdict(&mut self, next: u64) -> Verdict {
-        match self.missing.take() {
-            Some(Missing::Beginning { .. }) if !self.ran.resumed.is_empty() => {}
-            Some(missing) => return Verdict::Incomplete(missing),
-            None => {}
+        if let Some(missing) = self.missing.take() {
+            return Verdict::Incomplete(missing);
         }
         // Answers that a killed node did not write down any more prove nothing; those of one that stopped do.
         if self.ran.stopped && !self.unconfirmed.is_empty() {

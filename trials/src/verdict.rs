@@ -46,8 +46,7 @@ pub struct RunFinding {
     pub span: Nanos,
     /// Whether the journal ends because the node was asked to end.
     pub stopped: bool,
-    /// The journal entries, snapshots all, from which it was executed on because entries before them are missing. With
-    /// [`Verdict::Identical`] there is one: the recording began later than the run.
+    /// The journal entries, snapshots all, from which it was executed on because entries before them are missing.
     pub resumed: Vec<u64>,
 }
 
@@ -216,7 +215,6 @@ impl Verdict {
 impl fmt::Display for RunFinding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.verdict.as_str())?;
-        self.say_whence(f)?;
         match &self.verdict {
             Verdict::Identical => {}
             Verdict::Close { largest, field } => {
@@ -229,10 +227,7 @@ impl fmt::Display for RunFinding {
             Verdict::Incomplete(missing) => {
                 write!(f, ": {missing}")?;
                 for entry in &self.resumed {
-                    write!(
-                        f,
-                        "; executed on from the snapshot at entry {entry}, and the same there"
-                    )?;
+                    write!(f, "; the same from the snapshot at entry {entry} on")?;
                 }
             }
         }
@@ -244,19 +239,6 @@ impl fmt::Display for RunFinding {
             f.write_str("; up to its last entry: it was killed, or outlived the recording")?;
         }
         Ok(())
-    }
-}
-
-impl RunFinding {
-    /// From which entry on, if not from the first.
-    fn say_whence(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match (&self.verdict, self.resumed.first()) {
-            (Verdict::Identical | Verdict::Close { .. }, Some(first)) => write!(
-                f,
-                " from journal entry {first} on, a snapshot (the recording lacks the beginning)"
-            ),
-            _ => Ok(()),
-        }
     }
 }
 
