@@ -2,8 +2,8 @@
 
 use bincode::{Decode, Encode};
 use tandem_wire::{
-    Command, Deadman, Envelope, Guard, Malformed, Memory, Node, NodeName, Numbering, Outbox, Pace, Refusal, Refusals,
-    Remember, Session, Stamp, State, TaskFrame, Timing, Trial, Unreadable,
+    Command, Deadman, Envelope, Malformed, Memory, Node, NodeName, Numbering, Outbox, Pace, Refusal, Refusals,
+    Remember, Session, Stamp, State, StateGuard, TaskFrame, Timing, Trial, Unreadable,
 };
 
 use crate::config::{HumanConfig, HumanSettings, KeyConfig, OperatorSettings, SourceKind};
@@ -53,7 +53,7 @@ pub struct Operator {
     trial_label: String,
     commands: Numbering,
     trials: Numbering,
-    states: Guard,
+    states: StateGuard,
     refused: Refusals,
     eyes: Eyes,
     picture: Picture,
@@ -95,7 +95,7 @@ impl Operator {
             trial_label: settings.trial_label.clone(),
             commands: Numbering::new(session),
             trials: Numbering::new(session),
-            states: Guard::new(timing.stream_timeout()),
+            states: StateGuard::new(&timing),
             refused: Refusals::default(),
             eyes: Eyes::new(frame),
             picture: Picture::Never,

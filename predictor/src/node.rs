@@ -5,8 +5,8 @@ use std::sync::Arc;
 use bincode::{Decode, Encode};
 use tandem_cesn::{Forecaster, Model};
 use tandem_wire::{
-    Envelope, Forecast, Guard, Guidance, Header, Malformed, Memory, Node, Numbering, Outbox, Proposal, Refusal,
-    Refusals, Remember, Session, Stamp, State, TaskFrame, Timing, Unreadable,
+    Envelope, Forecast, Guidance, Header, Malformed, Memory, Node, Numbering, Outbox, Proposal, Refusal, Refusals,
+    Remember, Session, Stamp, State, StateGuard, TaskFrame, Timing, Unreadable,
 };
 
 use crate::checkpoint::{Crossing, Lookout, Plane};
@@ -50,7 +50,7 @@ pub struct Predictor {
     forecaster: Forecaster,
     proposals: Numbering,
     forecasts: Numbering,
-    states: Guard,
+    states: StateGuard,
     refused: Refusals,
     lookout: Lookout,
     course: Option<Course>,
@@ -93,7 +93,7 @@ impl Predictor {
             model,
             proposals: Numbering::new(session),
             forecasts: Numbering::new(session),
-            states: Guard::new(timing.stream_timeout()),
+            states: StateGuard::new(&timing),
             refused: Refusals::default(),
             lookout: Lookout::new(vec![plane]),
             course: None,

@@ -117,6 +117,9 @@ impl Inner {
     }
 }
 
+/// Time ends behind this tick, and sums of stamps stay below it: some three hundred years.
+const LAST_TICK: u64 = u64::MAX / MILLISECOND / 2;
+
 impl Remember for Inner {
     fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
         let Self {
@@ -128,6 +131,7 @@ impl Remember for Inner {
         } = self;
         arm.remember(memory)?;
         memory.part(ticks)?;
+        memory.check(*ticks <= LAST_TICK)?;
         memory.part(waiting)?;
         memory.part(obeyed)?;
         memory.part(closest)

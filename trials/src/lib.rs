@@ -25,6 +25,7 @@ mod latency;
 mod measures;
 mod reexecute;
 mod smoothness;
+pub mod statistics;
 pub mod trace;
 mod tracer;
 mod verdict;
