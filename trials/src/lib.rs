@@ -10,6 +10,8 @@
 //!
 //! [`World`] runs a trial of these nodes under virtual time, in one thread and without a network.
 //!
+//! [`sweep`] runs the same trials under many laws, on all cores.
+//!
 //! The crate refuses to know flags, terminals and exit codes: those belong to the command line. It reads no clock.
 //!
 //! Start reading at [`Blueprint`], then `reexecute.rs`.
@@ -24,6 +26,7 @@ mod latency;
 mod measures;
 mod reexecute;
 mod smoothness;
+pub mod sweep;
 pub mod trace;
 mod tracer;
 mod verdict;

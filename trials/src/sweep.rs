@@ -14,9 +14,11 @@ mod figure;
 mod grid;
 mod store;
 mod summary;
+mod words;
 
 pub use cell::{Cell, CellResult, Run};
 pub use figure::svg;
 pub use grid::{BadGrid, Grid, LawEntry, SweepSettings};
 pub use store::{Store, StoreError, work_off};
-pub use summary::{Figure, Group, Region, Summary, Verdict};
+pub use summary::{Contest, Figure, Group, Region, Ruling, Summary, Verdict};
+pub use words::{table, text};

@@ -66,7 +66,7 @@ pub struct LawEntry {
 }
 
 /// What is swept.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Grid {
     /// The axes.
     pub settings: SweepSettings,
