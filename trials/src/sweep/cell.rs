@@ -85,7 +85,12 @@ impl Grid {
     #[must_use]
     pub fn name(&self, cell: Cell) -> String {
         let human = self.settings.humans.get(cell.human).map_or("", |human| human.name());
-        let departure = self.settings.departures_mm.get(cell.departure).copied().unwrap_or_default();
+        let departure = self
+            .settings
+            .departures_mm
+            .get(cell.departure)
+            .copied()
+            .unwrap_or_default();
         let seed = self.settings.first_seed.wrapping_add(u64::from(cell.seed));
         format!("{human}-d{departure}-law{}-seed{seed}", cell.law)
     }
@@ -101,7 +106,9 @@ impl Grid {
         configuration.human.kind = settings.humans[cell.human];
         configuration.human.departure_mm = settings.departures_mm[cell.departure];
         let contexts = [(true, &settings.inside_m), (false, &settings.outside_m)];
-        let contexts = contexts.into_iter().flat_map(|(inside, list)| list.iter().map(move |&a| (inside, a)));
+        let contexts = contexts
+            .into_iter()
+            .flat_map(|(inside, list)| list.iter().map(move |&a| (inside, a)));
         let mut runs = Vec::with_capacity(self.contexts());
         for (number, (inside, amplitude_m)) in (1_u32..).zip(contexts) {
             configuration.human.amplitude_m = amplitude_m;

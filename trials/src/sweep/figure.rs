@@ -15,7 +15,9 @@ const PANEL: [f64; 2] = [150.0, 112.0];
 const GAP: [f64; 2] = [14.0, 14.0];
 const MARGIN: [f64; 2] = [92.0, 74.0];
 /// Colours that differ in lightness too: Okabe and Ito (2008).
-const COLOURS: [&str; 7] = ["#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f3fbf"];
+const COLOURS: [&str; 7] = [
+    "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f3fbf",
+];
 const CONSTANTS: &str = "#777777";
 
 /// A block of panels: one region and one thing that is weighed against effort.
@@ -76,11 +78,24 @@ pub fn svg(grid: &Grid, summary: &Summary) -> String {
 fn draw_block(out: &mut String, grid: &Grid, summary: &Summary, block: &Block, corner: [f64; 2]) {
     let settings = &grid.settings;
     let effort = |group: &Group| Some(group.effort_m_s?.mean * 1e3);
-    let of_block: Vec<&Group> = summary.groups.iter().filter(|group| group.region == block.region).collect();
-    let (Some(x), true) = (Axis::over(of_block.iter().filter_map(|group| effort(group))), !of_block.is_empty()) else {
+    let of_block: Vec<&Group> = summary
+        .groups
+        .iter()
+        .filter(|group| group.region == block.region)
+        .collect();
+    let (Some(x), true) = (
+        Axis::over(of_block.iter().filter_map(|group| effort(group))),
+        !of_block.is_empty(),
+    ) else {
         return;
     };
-    text(out, [corner[0] + MARGIN[0], corner[1] + 22.0], "13", "start", block.title);
+    text(
+        out,
+        [corner[0] + MARGIN[0], corner[1] + 22.0],
+        "13",
+        "start",
+        block.title,
+    );
     for (row, human) in settings.humans.iter().enumerate() {
         // One scale for a row, so that departures can be compared.
         let of_row = of_block.iter().filter(|group| group.human == human.name());
@@ -99,7 +114,10 @@ fn draw_block(out: &mut String, grid: &Grid, summary: &Summary, block: &Block, c
                 ticks(out, &y, left, top);
             }
             let here = |group: &&&Group| group.human == human.name() && (group.departure_mm - departure).abs() < 1e-9;
-            let points = of_block.iter().filter(here).map(|group| (group, effort(group), (block.read)(group)));
+            let points = of_block
+                .iter()
+                .filter(here)
+                .map(|group| (group, effort(group), (block.read)(group)));
             let points: Vec<Mark> = points
                 .filter_map(|(group, effort, value)| {
                     let law = grid.laws.iter().position(|law| law.name == group.law)?;
@@ -117,7 +135,13 @@ fn draw_block(out: &mut String, grid: &Grid, summary: &Summary, block: &Block, c
         let left = corner[0] + MARGIN[0] + column as f64 * (PANEL[0] + GAP[0]);
         text(out, [left, bottom], "10", "start", &format!("{:.0}", x.low));
         text(out, [left + PANEL[0], bottom], "10", "end", &format!("{:.0}", x.high));
-        text(out, [left + PANEL[0] / 2.0, bottom + 14.0], "10", "middle", "effort, mm/s");
+        text(
+            out,
+            [left + PANEL[0] / 2.0, bottom + 14.0],
+            "10",
+            "middle",
+            "effort, mm/s",
+        );
     }
 }
 
@@ -132,11 +156,20 @@ fn panel(out: &mut String, grid: &Grid, points: &[Mark], corner: [f64; 2]) {
         "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{}\" height=\"{}\" fill=\"none\" stroke=\"#bbbbbb\"/>",
         corner[0], corner[1], PANEL[0], PANEL[1]
     );
-    let mut constants: Vec<(f64, [f64; 2])> =
-        points.iter().filter_map(|mark| Some((grid.laws[mark.law].constant?, mark.at))).collect();
+    let mut constants: Vec<(f64, [f64; 2])> = points
+        .iter()
+        .filter_map(|mark| Some((grid.laws[mark.law].constant?, mark.at)))
+        .collect();
     constants.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let line: Vec<String> = constants.iter().map(|(_, at)| format!("{:.1},{:.1}", at[0], at[1])).collect();
-    let _ = writeln!(out, "<polyline points=\"{}\" fill=\"none\" stroke=\"{CONSTANTS}\"/>", line.join(" "));
+    let line: Vec<String> = constants
+        .iter()
+        .map(|(_, at)| format!("{:.1},{:.1}", at[0], at[1]))
+        .collect();
+    let _ = writeln!(
+        out,
+        "<polyline points=\"{}\" fill=\"none\" stroke=\"{CONSTANTS}\"/>",
+        line.join(" ")
+    );
     for mark in points {
         symbol(out, grid, mark.law, mark.at);
     }
@@ -158,7 +191,10 @@ fn symbol(out: &mut String, grid: &Grid, law: usize, at: [f64; 2]) {
 
 fn key(out: &mut String, grid: &Grid, corner: [f64; 2]) {
     for (law, entry) in grid.laws.iter().enumerate() {
-        let at = [corner[0] + (law % 3) as f64 * 480.0, corner[1] + (law / 3) as f64 * 18.0];
+        let at = [
+            corner[0] + (law % 3) as f64 * 480.0,
+            corner[1] + (law / 3) as f64 * 18.0,
+        ];
         symbol(out, grid, law, at);
         text(out, [at[0] + 10.0, at[1] + 4.0], "11", "start", &entry.name);
     }

@@ -87,7 +87,10 @@ impl Grid {
             ("humans", settings.humans.is_empty()),
             ("departures_mm", settings.departures_mm.is_empty()),
             ("laws", settings.laws.is_empty()),
-            ("inside_m and sweep.outside_m", settings.inside_m.is_empty() && settings.outside_m.is_empty()),
+            (
+                "inside_m and sweep.outside_m",
+                settings.inside_m.is_empty() && settings.outside_m.is_empty(),
+            ),
         ];
         if let Some((key, _)) = empty.into_iter().find(|(_, empty)| *empty) {
             return Err(BadGrid::Empty { key });
@@ -113,7 +116,11 @@ impl Grid {
     pub fn to_toml(&self) -> String {
         let hash = self.base.model().map(Model::hash).unwrap_or_default();
         let hash: String = hash.iter().map(|byte| format!("{byte:02x}")).collect();
-        format!("# model {hash}\n{}\n{}", show(&self.settings), self.base.configuration().to_toml())
+        format!(
+            "# model {hash}\n{}\n{}",
+            show(&self.settings),
+            self.base.configuration().to_toml()
+        )
     }
 
     /// How many contexts every cell has.
@@ -146,7 +153,9 @@ fn law(document: &Document, entry: &str) -> Result<LawEntry, BadGrid> {
     let mut plain = true;
     for part in parts.filter(|part| !part.is_empty()) {
         let Some((key, value)) = part.split_once('=') else {
-            return Err(refused(format!("{part:?}: write KEY=VALUE, as in arbiter.weight_floor=0.25")));
+            return Err(refused(format!(
+                "{part:?}: write KEY=VALUE, as in arbiter.weight_floor=0.25"
+            )));
         };
         document.set(key.trim(), value.trim());
         plain = false;

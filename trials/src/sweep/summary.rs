@@ -224,7 +224,9 @@ impl Pile<'_> {
 
     fn figure(&self, law: usize, read: Read) -> Option<Figure> {
         let seeds = self.laws[law].iter().flatten();
-        let means: Vec<f64> = seeds.filter_map(|runs| mean(runs.iter().filter_map(|run| read(run)))).collect();
+        let means: Vec<f64> = seeds
+            .filter_map(|runs| mean(runs.iter().filter_map(|run| read(run))))
+            .collect();
         Figure::of(&means)
     }
 
@@ -282,7 +284,11 @@ fn groups<'a>(grid: &'a Grid, pile: &'a Pile<'_>) -> impl Iterator<Item = Group>
 fn contests(grid: &Grid, piles: &[Pile<'_>]) -> Vec<Contest> {
     let laws = 0..grid.laws.len();
     let challengers = laws.clone().filter(|law| grid.laws[*law].constant.is_none());
-    let pairs = challengers.flat_map(|law| laws.clone().filter(move |other| *other != law).map(move |other| (law, other)));
+    let pairs = challengers.flat_map(|law| {
+        laws.clone()
+            .filter(move |other| *other != law)
+            .map(move |other| (law, other))
+    });
     pairs.map(|(law, other)| contest(grid, piles, law, other)).collect()
 }
 

@@ -17,9 +17,18 @@ pub fn table(grid: &Grid, summary: &Summary) -> String {
     let heading = "law | effort | wish | forecast | clearance | touched | goal | ω | s";
     let mut last = String::new();
     for group in &summary.groups {
-        let of = format!("{}, departure {} mm, {}", group.human, group.departure_mm, region(group.region));
+        let of = format!(
+            "{}, departure {} mm, {}",
+            group.human,
+            group.departure_mm,
+            region(group.region)
+        );
         if of != last {
-            let _ = writeln!(out, "\n### {of} the demonstrations\n\n| {heading} |\n|{}", " --- |".repeat(9));
+            let _ = writeln!(
+                out,
+                "\n### {of} the demonstrations\n\n| {heading} |\n|{}",
+                " --- |".repeat(9)
+            );
             last = of;
         }
         let _ = writeln!(out, "| {} |", row(group).join(" | "));
@@ -56,15 +65,26 @@ pub fn text(grid: &Grid, summary: &Summary) -> String {
     }
     out.push_str("Groups (human × departure × inside, outside) in which a law is better / same / worse:\n\n");
     let rows: Vec<Vec<String>> = summary.contests.iter().map(contest_row).collect();
-    let heading = ["law", "against", "effort", "wish", "clearance", "better in all", "worse in all"];
+    let heading = [
+        "law",
+        "against",
+        "effort",
+        "wish",
+        "clearance",
+        "better in all",
+        "worse in all",
+    ];
     out.push_str(&aligned(&heading, &rows));
     out
 }
 
 fn overall(out: &mut String, grid: &Grid, summary: &Summary, wanted: Region) {
     let laws = grid.laws.iter().map(|law| {
-        let groups: Vec<&Group> =
-            summary.groups.iter().filter(|group| group.region == wanted && group.law == law.name).collect();
+        let groups: Vec<&Group> = summary
+            .groups
+            .iter()
+            .filter(|group| group.region == wanted && group.law == law.name)
+            .collect();
         let mean = |read: fn(&Group) -> Option<f64>| {
             let values: Vec<f64> = groups.iter().filter_map(|group| read(group)).collect();
             match values.len() {
@@ -82,8 +102,20 @@ fn overall(out: &mut String, grid: &Grid, summary: &Summary, wanted: Region) {
             mean(|group| Some(group.reached * 100.0)),
         ]
     });
-    let _ = writeln!(out, "Mean over all humans and departures, {} the demonstrations:\n", region(wanted));
-    let heading = ["law", "effort mm/s", "wish mm", "forecast mm", "clearance mm", "touched %", "goal %"];
+    let _ = writeln!(
+        out,
+        "Mean over all humans and departures, {} the demonstrations:\n",
+        region(wanted)
+    );
+    let heading = [
+        "law",
+        "effort mm/s",
+        "wish mm",
+        "forecast mm",
+        "clearance mm",
+        "touched %",
+        "goal %",
+    ];
     out.push_str(&aligned(&heading, &laws.collect::<Vec<_>>()));
     out.push('\n');
 }
@@ -151,17 +183,31 @@ fn ruling_line(ruling: &Ruling) -> String {
 fn aligned(heading: &[&str], rows: &[Vec<String>]) -> String {
     let cells = |column: usize| rows.iter().map(move |row| row[column].chars().count());
     let widths: Vec<usize> = (0..heading.len())
-        .map(|column| cells(column).chain([heading[column].chars().count()]).max().unwrap_or(0))
+        .map(|column| {
+            cells(column)
+                .chain([heading[column].chars().count()])
+                .max()
+                .unwrap_or(0)
+        })
         .collect();
-    let numbers = |column: usize| rows.iter().all(|row| row[column].starts_with(|c: char| c.is_ascii_digit() || c == '-'));
+    let numbers = |column: usize| {
+        rows.iter()
+            .all(|row| row[column].starts_with(|c: char| c.is_ascii_digit() || c == '-'))
+    };
     let line = |row: &[String]| {
         let cell = |column: usize| {
             let (word, width) = (&row[column], widths[column]);
-            if numbers(column) { format!("{word:>width$}") } else { format!("{word:<width$}") }
+            if numbers(column) {
+                format!("{word:>width$}")
+            } else {
+                format!("{word:<width$}")
+            }
         };
         let cells: Vec<String> = (0..row.len()).map(cell).collect();
         format!("  {}\n", cells.join("  ").trim_end())
     };
     let heading: Vec<String> = heading.iter().map(|&word| word.to_owned()).collect();
-    std::iter::once(line(&heading)).chain(rows.iter().map(|row| line(row))).collect()
+    std::iter::once(line(&heading))
+        .chain(rows.iter().map(|row| line(row)))
+        .collect()
 }
