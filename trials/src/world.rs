@@ -47,8 +47,11 @@ pub trait Player: Send {
 pub struct Seat<N: Node> {
     node: N,
     outbox: Outbox<N::Output>,
-    local: Box<dyn FnMut(&N::Output) + Send>,
+    local: Local<N::Output>,
 }
+
+/// Is told every output of a node.
+type Local<O> = Box<dyn FnMut(&O) + Send>;
 
 impl<N: Node> Seat<N> {
     /// Seats a node.
