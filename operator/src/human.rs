@@ -102,6 +102,8 @@ pub enum Doing {
 pub(crate) struct SimulatedHuman {
     config: HumanConfig,
     trial: u32,
+    /// The control period in which the trial began.
+    trial_start: u32,
     wish: Wish,
     stage: Stage,
     /// The last press: they count through all trials.
@@ -113,6 +115,7 @@ impl SimulatedHuman {
     pub(crate) fn new(config: HumanConfig) -> Self {
         Self {
             trial: 0,
+            trial_start: 0,
             wish: Wish::new(config.path, config.spread, Draws::new(config.seed, 0)),
             stage: Stage::Waiting(Waiting::NoTrial),
             press: 0,
@@ -123,8 +126,8 @@ impl SimulatedHuman {
 
     /// Takes in a state. A new trial shows at once; all else is decided once per control period.
     pub(crate) fn see(&mut self, sight: &Sight) {
-        if sight.new_robot || sight.trial != self.trial {
-            self.begin(sight.trial);
+        if sight.new_robot || (sight.trial, sight.trial_start) != (self.trial, self.trial_start) {
+            self.begin(sight);
         } else if sight.passed > 0 {
             self.advance(sight);
         }
@@ -149,6 +152,14 @@ impl SimulatedHuman {
         }
     }
 
+    /// Where it wishes the tool to be by now, while it drives.
+    pub(crate) fn wish(&self) -> Option<Vec3> {
+        match &self.stage {
+            Stage::Driving(drive) => Some(self.config.frame.to_base(self.wish.at(drive.step))),
+            Stage::Waiting(_) | Stage::Done(_) => None,
+        }
+    }
+
     pub(crate) fn doing(&self) -> Doing {
         match &self.stage {
             Stage::Waiting(why) => Doing::Waiting(*why),
@@ -158,9 +169,11 @@ impl SimulatedHuman {
         }
     }
 
-    fn begin(&mut self, trial: u32) {
-        let draws = Draws::new(self.config.seed, trial);
+    fn begin(&mut self, sight: &Sight) {
+        let trial = sight.trial;
+        let draws = self.config.draws(trial);
         self.trial = trial;
+        self.trial_start = sight.trial_start;
         self.wish = Wish::new(self.config.path, self.config.spread, draws);
         self.velocity = Vec3::ZERO;
         self.stage = Stage::Waiting(if trial == 0 {
@@ -206,6 +219,7 @@ impl Remember for SimulatedHuman {
         let Self {
             config,
             trial,
+            trial_start,
             // Drawn anew from the seed and the trial's number.
             wish,
             stage,
@@ -213,7 +227,8 @@ impl Remember for SimulatedHuman {
             velocity,
         } = self;
         memory.part(trial)?;
-        *wish = Wish::new(config.path, config.spread, Draws::new(config.seed, *trial));
+        memory.part(trial_start)?;
+        *wish = Wish::new(config.path, config.spread, config.draws(*trial));
         memory.part(stage)?;
         memory.part(press)?;
         memory.part(velocity)
@@ -318,7 +333,7 @@ impl Drive {
         let (Some(wanted), false) = (wanted, self.hand == Hand::LetGo) else {
             return Vec3::ZERO;
         };
-        let draws = Draws::new(config.seed, self.trial);
+        let draws = config.draws(self.trial);
         let noise = draws.normal_pair(Stream::Noise, sight.tick.saturating_sub(self.began));
         let trembling = each(|i| wanted[i] + config.noise * noise[i] / period);
         config.frame.vector_to_base(trembling).capped(config.speed_cap)

@@ -92,7 +92,7 @@ impl Operator {
         };
         Self {
             timing,
-            trial_label: settings.trial_label.clone(),
+            trial_label: settings.trial_label.as_str().to_owned(),
             commands: Numbering::new(session),
             trials: Numbering::new(session),
             states: StateGuard::new(&timing),
@@ -210,6 +210,7 @@ impl Operator {
             activity: self.source.activity(),
             deadman: self.deadman(),
             seen: self.picture.live().copied(),
+            wish: self.source.wish(),
             refused: self.refused,
         };
         if self.status != Some(status) {
