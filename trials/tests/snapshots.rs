@@ -78,7 +78,10 @@ where
         if input != Input::Wake && self.draw() < self.loss_percent {
             return;
         }
-        self.script.lock().unwrap().push((now, Happening::from(input)));
+        self.script
+            .lock()
+            .expect("one thread")
+            .push((now, Happening::from(input)));
         self.node.step(now, N::event(input), &mut self.outbox);
         said.extend(samples::<N>(&mut self.outbox));
     }
@@ -103,9 +106,14 @@ fn blueprint(source: SourceKind) -> Blueprint {
 /// What each of the four saw in the first seconds of a trial on a bad network.
 fn scripts(seed: u64, loss_percent: u64) -> [Script; 4] {
     let (operator, saw_operator) = Faulty::new(BLUEPRINT.operator(), seed, loss_percent);
-    let (predictor, saw_predictor) = Faulty::new(BLUEPRINT.predictor().unwrap(), seed ^ 1, loss_percent);
-    let (arbiter, saw_arbiter) = Faulty::new(BLUEPRINT.arbiter().unwrap(), seed ^ 2, loss_percent);
-    let (robot, saw_robot) = Faulty::new(BLUEPRINT.robot_sim().unwrap(), seed ^ 3, loss_percent / 4);
+    let (predictor, saw_predictor) =
+        Faulty::new(BLUEPRINT.predictor().expect("the defaults fit"), seed ^ 1, loss_percent);
+    let (arbiter, saw_arbiter) = Faulty::new(BLUEPRINT.arbiter().expect("the defaults fit"), seed ^ 2, loss_percent);
+    let (robot, saw_robot) = Faulty::new(
+        BLUEPRINT.robot_sim().expect("the defaults fit"),
+        seed ^ 3,
+        loss_percent / 4,
+    );
     let mut world = World::of(
         vec![operator, predictor, arbiter, robot],
         BLUEPRINT.timing(),
@@ -116,7 +124,8 @@ fn scripts(seed: u64, loss_percent: u64) -> [Script; 4] {
         world.mark(Trial::Begin { number, label });
         world.run(6 * SECOND, |_, _, _| ControlFlow::Continue(()));
     }
-    [saw_operator, saw_predictor, saw_arbiter, saw_robot].map(|saw| std::mem::take(&mut *saw.lock().unwrap()))
+    [saw_operator, saw_predictor, saw_arbiter, saw_robot]
+        .map(|saw| std::mem::take(&mut *saw.lock().expect("one thread")))
 }
 
 /// Steps through the script; what came out of every step.
@@ -205,9 +214,9 @@ proptest! {
         let [operator, predictor, arbiter, robot] = scripts(seed, loss);
         for (share, damage) in shares.into_iter().zip(damages) {
             check(|| BLUEPRINT.operator(), &operator, share, damage);
-            check(|| BLUEPRINT.predictor().unwrap(), &predictor, share, damage);
-            check(|| BLUEPRINT.arbiter().unwrap(), &arbiter, share, damage);
-            check(|| BLUEPRINT.robot_sim().unwrap(), &robot, share, damage);
+            check(|| BLUEPRINT.predictor().expect("the defaults fit"), &predictor, share, damage);
+            check(|| BLUEPRINT.arbiter().expect("the defaults fit"), &arbiter, share, damage);
+            check(|| BLUEPRINT.robot_sim().expect("the defaults fit"), &robot, share, damage);
         }
     }
 
@@ -223,8 +232,8 @@ proptest! {
 
 #[test]
 fn a_snapshot_of_another_node_or_of_nothing_is_refused() {
-    let mut arbiter = BLUEPRINT.arbiter().unwrap();
-    let bytes = taken(&mut BLUEPRINT.robot_sim().unwrap());
+    let mut arbiter = BLUEPRINT.arbiter().expect("the defaults fit");
+    let bytes = taken(&mut BLUEPRINT.robot_sim().expect("the defaults fit"));
     let refused = restore(&mut arbiter, &bytes);
     assert!(matches!(refused, Err(Malformed::Kind { .. })), "{refused:?}");
     assert_eq!(restore(&mut arbiter, &[]), Err(Malformed::Truncated(0)));
