@@ -4,6 +4,8 @@
 //! at the first crossing in the direction of increasing `x`; whoever never crosses it never gets a forecast. Positions
 //! are compared once per control tick, so the context is interpolated onto the plane.
 
+use tandem_wire::{Malformed, Memory, Remember};
+
 /// A checkpoint: where it is, and the demonstrations' step there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Plane {
@@ -69,6 +71,15 @@ impl Lookout {
             self.passed += 1;
         }
         crossing
+    }
+}
+
+impl Remember for Lookout {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self { planes, passed, before } = self;
+        memory.part(passed)?;
+        memory.check(*passed <= planes.len())?;
+        memory.part(before)
     }
 }
 

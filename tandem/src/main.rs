@@ -10,6 +10,7 @@ mod replay;
 mod session;
 mod shipped;
 mod summary;
+mod sweep;
 mod table;
 mod train;
 mod trial;

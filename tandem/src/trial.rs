@@ -11,7 +11,7 @@ use clap::Subcommand;
 use tandem_link::{Clock, Link, fresh_session};
 use tandem_wire::{Numbering, Topic, Trial, encode};
 
-use crate::Outcome;
+use crate::{Outcome, sweep};
 
 #[derive(Subcommand)]
 pub(crate) enum TrialCommands {
@@ -19,12 +19,15 @@ pub(crate) enum TrialCommands {
     Check(check::CheckFlags),
     /// Runs a plan's trials, with simulated humans or a person, into a folder; goes on where it was left.
     Run(run::RunFlags),
+    /// Runs simulated trials under virtual time: humans × departures × laws × seeds × contexts.
+    Sweep(sweep::SweepFlags),
 }
 
 pub(crate) fn run(command: &TrialCommands) -> anyhow::Result<Outcome> {
     match command {
         TrialCommands::Check(flags) => check::run(flags),
         TrialCommands::Run(flags) => run::run(flags),
+        TrialCommands::Sweep(flags) => sweep::run(flags),
     }
 }
 

@@ -32,11 +32,32 @@ pub struct Configuration {
 }
 
 impl Configuration {
+    /// The sections it is read from.
+    pub const SECTIONS: [&'static str; 9] = [
+        LinkSettings::NAME,
+        LoopSettings::NAME,
+        TaskSettings::NAME,
+        OperatorSettings::NAME,
+        HumanSettings::NAME,
+        PredictorSettings::NAME,
+        ArbiterSettings::NAME,
+        RobotSimSettings::NAME,
+        RecorderSettings::NAME,
+    ];
+
     /// Reads every section and refuses what belongs to none.
     ///
     /// # Errors
     /// At the first key that is unknown, misspelt or out of range, with its place.
     pub fn from_document(document: &Document) -> Result<Self, Error> {
+        Self::from_document_beside(document, &[])
+    }
+
+    /// The same for a document that also holds `others`: sections that somebody else reads.
+    ///
+    /// # Errors
+    /// At the first key that is unknown, misspelt or out of range, with its place.
+    pub fn from_document_beside(document: &Document, others: &[&str]) -> Result<Self, Error> {
         let configuration = Self {
             link: document.section()?,
             rates: document.section()?,
@@ -48,17 +69,7 @@ impl Configuration {
             robot: document.section()?,
             recorder: document.section()?,
         };
-        document.finish(&[
-            LinkSettings::NAME,
-            LoopSettings::NAME,
-            TaskSettings::NAME,
-            OperatorSettings::NAME,
-            HumanSettings::NAME,
-            PredictorSettings::NAME,
-            ArbiterSettings::NAME,
-            RobotSimSettings::NAME,
-            RecorderSettings::NAME,
-        ])?;
+        document.finish(&[&Self::SECTIONS, others].concat())?;
         Ok(configuration)
     }
 
