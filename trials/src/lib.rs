@@ -23,6 +23,7 @@ mod fields;
 mod latency;
 mod measures;
 mod reexecute;
+pub mod report;
 mod smoothness;
 pub mod statistics;
 pub mod trace;
