@@ -124,8 +124,8 @@ fn slips_are_refused_with_place_allowed_values_and_a_guess() {
         ),
         ("[order]\nconditions = 'latin'", "is not a choice"),
         (
-            "[conditions]\nx = { arbiter.lwa = 'fixed' }",
-            "plan.toml:2:15: unknown key conditions.x.arbiter.lwa (did you mean law?)",
+            "[conditions]\nx = { arbiter.laww = 'fixed' }",
+            "plan.toml:2:15: unknown key conditions.x.arbiter.laww (did you mean law?)",
         ),
         (
             "[conditions]\nx = { arbitre.law = 'fixed' }",
