@@ -13,6 +13,7 @@ mod summary;
 mod table;
 mod train;
 mod trial;
+mod trial_report;
 mod verify;
 
 use std::process::ExitCode;
@@ -54,6 +55,11 @@ enum Subcommands {
         #[command(subcommand)]
         command: session::SessionCommands,
     },
+    /// Works with trials: experiments as a tool.
+    Trial {
+        #[command(subcommand)]
+        command: TrialCommands,
+    },
     /// Trains a model from demonstrations.
     Train(train::TrainFlags),
     /// Prints a model's forecast for a context.
@@ -69,6 +75,12 @@ enum Subcommands {
 enum ConfigCommands {
     /// Prints the effective configuration with an explanation of every key.
     Show(CommonFlags),
+}
+
+#[derive(Subcommand)]
+enum TrialCommands {
+    /// Evaluates a run: figures per condition, tests between them, and a page with every trial.
+    Report(trial_report::ReportFlags),
 }
 
 /// How a command ended, as its exit code promises.
@@ -93,6 +105,9 @@ fn main() -> ExitCode {
         Subcommands::Recorder(flags) => nodes::recorder(&flags),
         Subcommands::Replay(flags) => replay::run(&flags),
         Subcommands::Session { command } => session::run(&command),
+        Subcommands::Trial {
+            command: TrialCommands::Report(flags),
+        } => trial_report::run(&flags),
         Subcommands::Train(flags) => train::run(&flags),
         Subcommands::Forecast(flags) => forecast::run(&flags),
         Subcommands::Config {
@@ -106,6 +121,7 @@ fn main() -> ExitCode {
         Err(error) => {
             eprintln!("tandem: {error:#}");
             let bad_usage = error.is::<configuration::BadConfiguration>()
+                || error.is::<trial_report::BadRequest>()
                 || error.downcast_ref::<LinkError>().is_some_and(LinkError::is_bad_usage);
             ExitCode::from(if bad_usage { 2 } else { 1 })
         }

@@ -8,12 +8,14 @@
 //! one nearest to the reference's mean weight is its matched control, since a law that merely gives the robot more
 //! would differ from a constant of half and half without being any better than a constant of its own mean.
 //!
-//! Pure: what is read and written lies with the caller. The same cases give the same bytes.
+//! Pure but for [`read_cases`], which reads a run's folder; writing lies with the caller. The same cases give the same
+//! bytes.
 
 mod case;
 mod comparison;
 mod csv;
 mod figures;
+mod folder;
 mod html;
 mod quantities;
 mod sentences;
@@ -25,6 +27,7 @@ mod trial_page;
 pub use case::{Case, Curves, Dot, Identity};
 pub use comparison::{Answer, Comparison, StepTests};
 pub use csv::Table;
+pub use folder::read_cases;
 pub use quantities::{Better, EFFORT, QUANTITIES, Quantity};
 pub use summary::{Controls, Mean, Summary};
 

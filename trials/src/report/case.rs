@@ -10,7 +10,7 @@ const POINTS: usize = 120;
 /// Arrows of the human's velocity along a path.
 const ARROWS: usize = 24;
 /// How far ahead such an arrow looks, in seconds.
-const ARROW_S: f64 = 0.5;
+const ARROW_S: f64 = 0.25;
 /// Forecasts of one trial that are drawn: with a forecast at every tick they would cover everything else.
 const FORECASTS: usize = 4;
 
@@ -117,7 +117,7 @@ pub struct Curves {
     pub band: Vec<Dot>,
     /// Where a simulated human wished to be.
     pub wish: Vec<Dot>,
-    /// The human's velocity: from the tool to where half a second of it leads.
+    /// The human's velocity: from the tool to where a quarter of a second of it leads.
     pub human: Vec<[Dot; 2]>,
     /// Seconds since the trial began, and ω, while motion was permitted.
     pub weight: Vec<Dot>,

@@ -10,8 +10,7 @@ use super::svg::{Scale, Svg, range};
 
 /// Single trials that one column of dots or one panel of curves shows.
 const SHOWN: usize = 60;
-/// Panels beside each other.
-const ACROSS: usize = 3;
+
 /// Colours of conditions, by their place; more begin again.
 pub(super) const COLOURS: usize = 7;
 
@@ -211,7 +210,7 @@ impl Report {
         cases: &[&Case],
         corners: ((f64, f64), (f64, f64)),
     ) -> String {
-        let (width, height) = (panel_width(), 250.0);
+        let (width, height) = (panel_width(self.setup.conditions.len()), 250.0);
         let mut svg = Svg::new(
             width,
             height,
@@ -260,7 +259,7 @@ impl Report {
     }
 
     fn weight_panel(&self, group: &str) -> String {
-        let (width, height) = (540.0, 230.0);
+        let (width, height) = (532.0, 230.0);
         let (left, right, top, bottom) = (44.0, width - 8.0, 24.0, height - 34.0);
         let all: Vec<&Case> = self
             .setup
@@ -314,7 +313,7 @@ impl Report {
         let Some(effort) = QUANTITIES.iter().find(|quantity| quantity.key == EFFORT) else {
             return String::new();
         };
-        let points: Vec<(&str, &str, f64, f64, f64)> = self
+        let mut points: Vec<(&str, &str, f64, f64, f64)> = self
             .setup
             .conditions
             .iter()
@@ -334,7 +333,7 @@ impl Report {
         let Some((_, high)) = range(points.iter().map(|(_, _, _, mean, margin)| mean + margin)) else {
             return String::new();
         };
-        let (width, height) = (540.0, 300.0);
+        let (width, height) = (532.0, 300.0);
         let (left, right, top, bottom) = (52.0, width - 12.0, 12.0, height - 40.0);
         let (x, y) = (
             Scale::new((-0.03, 1.03), (left, right)),
@@ -342,7 +341,7 @@ impl Report {
         );
         let mut svg = Svg::new(width, height, "human effort against the human's mean weight");
         svg.grid_y(&y, (left, right), 6.0);
-        svg.grid_x(&x, (top, bottom), 5.0);
+        svg.grid_x(&x, (top, bottom), 10.0);
         svg.text(
             "mid",
             ((left + right) / 2.0, height - 6.0),
@@ -356,7 +355,8 @@ impl Report {
                 .map(|(_, weight, mean)| (x.at(*weight), y.at(mean * effort.factor)));
             svg.polyline("control", line);
         }
-        for (name, label, weight, mean, margin) in points {
+        points.sort_by(|a, b| a.2.total_cmp(&b.2));
+        for (place, (name, label, weight, mean, margin)) in points.into_iter().enumerate() {
             let colour = self.colour(name);
             svg.line(
                 &format!("bar c{colour}"),
@@ -370,15 +370,18 @@ impl Report {
                 &format!("{label}: ω {weight:.2}, {mean:.1} mm/s"),
             );
             let class = if weight > 0.8 { "end strong" } else { "strong" };
+            // Neighbours' names lie on different sides of their dots.
+            let below = if place % 2 == 0 { -7.0 } else { 16.0 };
             let aside = if weight > 0.8 { -9.0 } else { 9.0 };
-            svg.text(class, (x.at(weight) + aside, y.at(mean) - 7.0), label);
+            svg.text(class, (x.at(weight) + aside, y.at(mean) + below), label);
         }
         svg.finish()
     }
 }
 
-const fn panel_width() -> f64 {
-    1080.0 / ACROSS as f64 - 8.0
+/// Two conditions lie beside each other, group by group; of more there are three in a row.
+const fn panel_width(conditions: usize) -> f64 {
+    if conditions <= 2 { 532.0 } else { 352.0 }
 }
 
 /// As much of a text as fits, at seven pixels a letter.

@@ -1,7 +1,7 @@
 //! The report as one page that needs nothing else: no script, no font, no picture from elsewhere.
 
 use super::comparison::Comparison;
-use super::quantities::{EFFORT, QUANTITIES};
+use super::quantities::{EFFORT, QUANTITIES, rounded};
 use super::sentences::{HOW_TO_READ, STEPS_ARE_NOT_INDEPENDENT, group_name, p_cell, quantity};
 use super::svg::escaped;
 use super::{ALL, Report};
@@ -37,7 +37,8 @@ impl Report {
             page += &format!("<p class=\"bad\">Not read: {}</p>\n", escaped(why));
         }
         page += "</body></html>\n";
-        page
+        // A number stays beside its unit.
+        page.replace(" % ", "\u{a0}% ").replace(" mm", "\u{a0}mm")
     }
 
     fn effort_part(&self) -> String {
@@ -64,7 +65,7 @@ impl Report {
             "<h2>Paired tests, one value per trial</h2>\n<p>{}</p>\n",
             escaped(HOW_TO_READ)
         );
-        text += "<table><thead><tr><th>quantity</th><th>contexts</th><th>compared</th><th>pairs</th><th>difference</th>\
+        text += "<table class=\"tests\"><thead><tr><th>quantity</th><th>contexts</th><th>compared</th><th>pairs</th><th>difference</th>\
                  <th>95 % interval</th><th>d<sub>z</sub></th><th>rank-biserial</th><th>paired t</th><th>Wilcoxon</th>\
                  <th>permutation</th><th>after Holm</th></tr></thead><tbody>\n";
         text += &self
@@ -82,7 +83,7 @@ impl Report {
             .collect::<String>();
         text += "</ul>\n<h2>The paper's tests, one sample per step</h2>\n";
         text += &format!("<p>{}</p>\n", escaped(STEPS_ARE_NOT_INDEPENDENT));
-        text += "<table><thead><tr><th>contexts</th><th>compared</th><th>N steps</th><th>N trials</th><th>t</th><th>p</th>\
+        text += "<table class=\"tests\"><thead><tr><th>contexts</th><th>compared</th><th>N steps</th><th>N trials</th><th>t</th><th>p</th>\
                  <th>Welch t</th><th>p</th><th>U</th><th>p</th><th>Cohen's d</th><th>next-step correlation</th></tr></thead><tbody>\n";
         text += &self
             .comparisons
@@ -126,7 +127,14 @@ impl Report {
             .difference
             .text(|found| format!("{} to {}", quantity.shown(found.low), quantity.shown(found.high)));
         let effect = |answer: &super::Answer<crate::statistics::Interval>| {
-            answer.text(|found| format!("{:.2} ({:.2} to {:.2})", found.value, found.low, found.high))
+            answer.text(|found| {
+                format!(
+                    "{} ({} to {})",
+                    rounded(found.value, 2),
+                    rounded(found.low, 2),
+                    rounded(found.high, 2)
+                )
+            })
         };
         format!(
             "{head}<td>{difference}</td><td>{around}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
@@ -148,13 +156,13 @@ impl Report {
             escaped(&format!("{}, {}", self.label(&one.first), self.label(&one.second))),
             format!("{}, {}", steps.first_steps, steps.second_steps),
             format!("{}, {}", one.first_trials, one.second_trials),
-            steps.student.text(|test| format!("{:.2}", test.t)),
+            steps.student.text(|test| rounded(test.t, 2)),
             steps.student.text(|test| p_cell(test.p)),
-            steps.welch.text(|test| format!("{:.2}", test.t)),
+            steps.welch.text(|test| rounded(test.t, 2)),
             steps.welch.text(|test| p_cell(test.p)),
             steps.mann_whitney.text(|test| format!("{:.0}", test.u)),
             steps.mann_whitney.text(|test| p_cell(test.p)),
-            steps.cohen_d.text(|d| format!("{d:.2}")),
+            steps.cohen_d.text(|d| rounded(*d, 2)),
             steps
                 .autocorrelation
                 .map_or_else(|| "–".to_owned(), |r| format!("{r:.2}")),
@@ -197,9 +205,14 @@ impl Report {
     }
 
     fn table_part(&self) -> String {
-        let mut text = String::from("<h2>All figures</h2>\n<p>Mean over trials ± half of its 95 % interval.</p>\n");
+        let mut text = String::from(
+            "<h2>All figures</h2>\n<p>Mean over trials ± half of its 95 % interval.</p>\n<div class=\"panels tables\">",
+        );
         for group in &self.groups {
-            text += &format!("<h3>{}</h3>\n<table><thead><tr><th></th>", escaped(&group_name(group)));
+            text += &format!(
+                "<div><h3>{}</h3>\n<table><thead><tr><th></th>",
+                escaped(&group_name(group))
+            );
             let summaries: Vec<_> = self
                 .setup
                 .conditions
@@ -252,7 +265,9 @@ impl Report {
                     escaped(&stops.join("; "))
                 );
             }
+            text.push_str("</div>\n");
         }
+        text.push_str("</div>\n");
         text
     }
 
@@ -260,7 +275,7 @@ impl Report {
         let mut text = String::from(
             "<h2>Every trial</h2>\n<p class=\"caption\"><span class=\"key tool\"></span> tool <span class=\"key forecast\">\
              </span> forecast <span class=\"key band\"></span> its interval <span class=\"key wish\"></span> the simulated \
-             human's wish <span class=\"key human\"></span> the human's velocity, half a second long. Open circle: the \
+             human's wish <span class=\"key human\"></span> the human's velocity, a quarter of a second long. Open circle: the \
              checkpoint.</p>\n",
         );
         text.push_str("<p class=\"index\">");

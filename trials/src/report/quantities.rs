@@ -38,13 +38,7 @@ impl Quantity {
     /// A value in the measure's unit, as people see it.
     #[must_use]
     pub fn shown(&self, value: f64) -> String {
-        let text = format!("{:.*}", self.decimals, value * self.factor);
-        // A rounded-off minus sign says nothing.
-        if text.starts_with('-') && text.chars().all(|c| matches!(c, '-' | '0' | '.')) {
-            text[1..].to_owned()
-        } else {
-            text
-        }
+        rounded(value * self.factor, self.decimals)
     }
 
     /// The same with its unit.
@@ -52,6 +46,16 @@ impl Quantity {
     pub fn with_unit(&self, value: f64) -> String {
         let gap = if self.unit.is_empty() { "" } else { " " };
         format!("{}{gap}{}", self.shown(value), self.unit)
+    }
+}
+
+/// A number as people read it: with a minus sign, where rounding leaves anything to be minus.
+pub(super) fn rounded(value: f64, decimals: usize) -> String {
+    let text = format!("{:.decimals$}", value.abs());
+    if value < 0.0 && text.contains(|digit: char| ('1'..='9').contains(&digit)) {
+        format!("−{text}")
+    } else {
+        text
     }
 }
 

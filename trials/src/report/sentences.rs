@@ -1,7 +1,7 @@
 //! What the numbers mean, in plain words.
 
 use super::comparison::{Comparison, StepTests};
-use super::quantities::{Better, QUANTITIES, Quantity};
+use super::quantities::{Better, QUANTITIES, Quantity, rounded};
 use super::{ALL, Report};
 
 /// Below this, a difference is called one.
@@ -72,12 +72,21 @@ impl Report {
         let (first, second) = (self.label(&comparison.first), self.label(&comparison.second));
         let place = group_name(&comparison.group);
         let Some(difference) = comparison.difference.found() else {
-            let why = comparison.difference.text(|_| String::new());
             let pairs = plural(comparison.pairs, "pair");
-            return format!(
-                "{place}, {}: {first} against {second} cannot be judged from {pairs}: {why}.",
-                quantity.label
-            );
+            let why = comparison.difference.text(|_| String::new());
+            let same = comparison.first_mean.is_some() && comparison.first_mean == comparison.second_mean;
+            return match comparison.paired_t.found() {
+                None if same && comparison.pairs > 1 => {
+                    format!(
+                        "{}, {place}: {first} and {second} are the same in all {pairs}.",
+                        quantity.label
+                    )
+                }
+                _ => format!(
+                    "{}, {place}: {first} against {second} cannot be judged from {pairs}: {why}.",
+                    quantity.label
+                ),
+            };
         };
         let size = quantity.with_unit(difference.value.abs());
         let way = if difference.value < 0.0 { "less" } else { "more" };
@@ -85,7 +94,7 @@ impl Report {
             .second_mean
             .filter(|mean| *mean > 0.0)
             .map_or_else(String::new, |mean| {
-                format!(" ({:+.0} %)", 100.0 * difference.value / mean)
+                format!(" ({} %)", rounded(100.0 * difference.value / mean, 0))
             });
         let verdict = match comparison.holm_p {
             Some(p) if p < LEVEL => format!("more than chance explains ({} after Holm)", p_value(p)),
@@ -102,11 +111,12 @@ impl Report {
             _ => " Worse.",
         };
         format!(
-            "{place}, {}: {first} has {size} {way} than {second}{share}, 95 % interval {} to {}, {}; {verdict}.{judged}",
+            "{}, {place}: {first} has {size} {way} than {second}{share}, 95 % interval {} to {}, {}; {verdict}.{judged}{}",
             quantity.label,
             quantity.shown(difference.low),
             quantity.with_unit(difference.high),
             plural(comparison.pairs, "pair"),
+            floor(comparison.pairs),
         )
     }
 
@@ -122,12 +132,14 @@ impl Report {
             comparison.second_trials,
             steps
                 .student
-                .text(|test| format!("= {:.2}, {}", test.t, p_value(test.p))),
-            steps.welch.text(|test| format!("= {:.2}, {}", test.t, p_value(test.p))),
+                .text(|test| format!("= {}, {}", rounded(test.t, 2), p_value(test.p))),
+            steps
+                .welch
+                .text(|test| format!("= {}, {}", rounded(test.t, 2), p_value(test.p))),
             steps
                 .mann_whitney
-                .text(|test| format!("= {:.0}, z = {:.2}, {}", test.u, test.z, p_value(test.p))),
-            steps.cohen_d.text(|d| format!("= {d:.2}")),
+                .text(|test| format!("= {:.0}, z = {}, {}", test.u, rounded(test.z, 2), p_value(test.p))),
+            steps.cohen_d.text(|d| format!("= {}", rounded(*d, 2))),
         );
         match (steps.autocorrelation, steps.worth_steps) {
             (Some(r), Some(worth)) => format!(
@@ -171,6 +183,16 @@ impl Report {
             None => String::new(),
         };
         text
+    }
+}
+
+/// With so few pairs the permutation test cannot reach the level, whatever the difference.
+fn floor(pairs: usize) -> String {
+    let least = (0..pairs).fold(2.0, |p, _| p / 2.0);
+    if least > LEVEL {
+        format!(" So few pairs cannot show more: p is at least {least:.3}.")
+    } else {
+        String::new()
     }
 }
 
