@@ -10,6 +10,7 @@
 //!
 //! [`World`] runs a trial of these nodes under virtual time, in one thread and without a network.
 //!
+//! [`sweep`] runs the same trials under many laws, on all cores.
 //! [`Plan`](plan::Plan) is an experiment as it was written down, [`run`] the folder that holds what became of it.
 //!
 //! The crate refuses to know flags, terminals and exit codes: those belong to the command line. It reads no clock.
@@ -19,6 +20,7 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+mod again;
 mod blueprint;
 mod configuration;
 mod fields;
@@ -30,6 +32,7 @@ pub mod report;
 pub mod run;
 mod smoothness;
 pub mod statistics;
+pub mod sweep;
 pub mod trace;
 mod tracer;
 mod verdict;
