@@ -56,11 +56,6 @@ enum Subcommands {
         #[command(subcommand)]
         command: session::SessionCommands,
     },
-    /// Works with trials: experiments as a tool.
-    Trial {
-        #[command(subcommand)]
-        command: TrialCommands,
-    },
     /// Trains a model from demonstrations.
     Train(train::TrainFlags),
     /// Prints a model's forecast for a context.
@@ -79,6 +74,8 @@ enum Subcommands {
 
 #[derive(Subcommand)]
 enum TrialCommands {
+    /// Evaluates a run: figures per condition, tests between them, and a page with every trial.
+    Report(trial_report::ReportFlags),
     /// Runs simulated trials under virtual time: humans × departures × laws × seeds × contexts.
     Sweep(sweep::SweepFlags),
 }
@@ -87,12 +84,6 @@ enum TrialCommands {
 enum ConfigCommands {
     /// Prints the effective configuration with an explanation of every key.
     Show(CommonFlags),
-}
-
-#[derive(Subcommand)]
-enum TrialCommands {
-    /// Evaluates a run: figures per condition, tests between them, and a page with every trial.
-    Report(trial_report::ReportFlags),
 }
 
 /// How a command ended, as its exit code promises.
