@@ -14,6 +14,7 @@ mod sweep;
 mod table;
 mod train;
 mod trial;
+mod trial_report;
 mod verify;
 
 use std::process::ExitCode;
@@ -113,6 +114,7 @@ fn main() -> ExitCode {
         Err(error) => {
             eprintln!("tandem: {error:#}");
             let bad_usage = error.is::<configuration::BadConfiguration>()
+                || error.is::<trial_report::BadRequest>()
                 || error.downcast_ref::<LinkError>().is_some_and(LinkError::is_bad_usage);
             ExitCode::from(if bad_usage { 2 } else { 1 })
         }

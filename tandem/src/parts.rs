@@ -89,9 +89,19 @@ impl Parts {
 
     pub(crate) fn operator(&self, link: &Link, show: impl FnMut(String) + Send + 'static) -> anyhow::Result<Running> {
         let mut show = show;
+        self.watched_operator(link, move |status| show(status.to_string()))
+    }
+
+    /// An operator whose thoughts `watch` is told.
+    pub(crate) fn watched_operator(
+        &self,
+        link: &Link,
+        watch: impl FnMut(&tandem_operator::Status) + Send + 'static,
+    ) -> anyhow::Result<Running> {
+        let mut watch = watch;
         let local = move |_, output| {
             if let tandem_operator::Output::Status(status) = output {
-                show(status.to_string());
+                watch(&status);
             }
         };
         Ok(spawn(

@@ -11,7 +11,7 @@ use clap::Subcommand;
 use tandem_link::{Clock, Link, fresh_session};
 use tandem_wire::{Numbering, Topic, Trial, encode};
 
-use crate::{Outcome, sweep};
+use crate::{Outcome, sweep, trial_report};
 
 #[derive(Subcommand)]
 pub(crate) enum TrialCommands {
@@ -19,6 +19,8 @@ pub(crate) enum TrialCommands {
     Check(check::CheckFlags),
     /// Runs a plan's trials, with simulated humans or a person, into a folder; goes on where it was left.
     Run(run::RunFlags),
+    /// Evaluates a run: figures per condition, tests between them, and a page with every trial.
+    Report(trial_report::ReportFlags),
     /// Runs simulated trials under virtual time: humans × departures × laws × seeds × contexts.
     Sweep(sweep::SweepFlags),
 }
@@ -27,6 +29,7 @@ pub(crate) fn run(command: &TrialCommands) -> anyhow::Result<Outcome> {
     match command {
         TrialCommands::Check(flags) => check::run(flags),
         TrialCommands::Run(flags) => run::run(flags),
+        TrialCommands::Report(flags) => trial_report::run(flags),
         TrialCommands::Sweep(flags) => sweep::run(flags),
     }
 }

@@ -6,13 +6,15 @@
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use crossbeam_channel::Receiver;
 use tandem_link::{Link, Observer, Running, Sighting};
+use tandem_operator::Status;
 use tandem_trials::{Blueprint, Trace, Tracer};
-use tandem_wire::{JournalBatch, NodeName, Pace, Stamp, State, Topic, Trial, codec, decode, seconds};
+use tandem_wire::{JournalBatch, NodeName, Pace, Stamp, State, Topic, Trial, Vec3, codec, decode, seconds};
 
 use super::TrialMarks;
 use crate::parts::{LOOP, Parts, RunningRecorder, lost};
@@ -54,6 +56,9 @@ pub(crate) struct Driven {
     pub(crate) began_s: f64,
     pub(crate) lasted_s: f64,
 }
+
+/// Where a simulated human wished to be, by the robot's ticks.
+type Wishes = Arc<Mutex<Vec<(u32, Vec3)>>>;
 
 /// What is to be driven.
 pub(crate) struct Task<'a> {
@@ -183,7 +188,8 @@ impl Stage {
             .as_ref()
             .map(|recording| recording.file.clone())
             .unwrap_or_default();
-        let nodes = self.start(&parts)?;
+        let wishes = Wishes::default();
+        let nodes = self.start(&parts, &wishes)?;
         let tick = self.next_tick;
         let mut following = Following {
             tracer: Tracer::of_trial(task.number),
@@ -221,6 +227,9 @@ impl Stage {
         if self.pace == Pace::Lockstep {
             self.next_tick = newest.saturating_add(GAP_TICKS);
         }
+        if let Ok(wishes) = wishes.lock() {
+            wishes.iter().for_each(|(tick, wish)| tracer.see_wish(*tick, *wish));
+        }
         let trace = tracer.trace();
         let period = seconds(task.blueprint.timing().period);
         let began_s = match self.pace {
@@ -236,9 +245,15 @@ impl Stage {
         })
     }
 
-    fn start(&self, parts: &Parts) -> anyhow::Result<Vec<(NodeName, Running)>> {
+    fn start(&self, parts: &Parts, wishes: &Wishes) -> anyhow::Result<Vec<(NodeName, Running)>> {
+        let wishes = Arc::clone(wishes);
+        let watch = move |status: &Status| {
+            if let (Some(seen), Some(wish), Ok(mut wishes)) = (status.seen, status.wish, wishes.lock()) {
+                wishes.push((seen.tick, wish));
+            }
+        };
         Ok(vec![
-            (NodeName::Operator, parts.operator(&self.remote, |_| {})?),
+            (NodeName::Operator, parts.watched_operator(&self.remote, watch)?),
             (NodeName::Predictor, parts.predictor(&self.edge)?),
             (NodeName::Arbiter, parts.arbiter(&self.edge)?),
             (NodeName::RobotSim, parts.robot_sim(&self.edge)?),
@@ -510,7 +525,11 @@ mod tests {
         });
         let driven = driven.unwrap();
         assert_eq!(driven.end, End::Over);
-        assert!(tandem_trials::Measures::of(&driven.trace).reached_goal);
+        let figures = tandem_trials::Measures::of(&driven.trace);
+        assert!(
+            figures.reached_goal && figures.tracking_wish_mean_m.is_some(),
+            "{figures:?}"
+        );
         assert!(driven.began_s > 2.0, "it began after the first one: {}", driven.began_s);
         assert_eq!(stage.close().unwrap().messages_lost, 0);
         std::fs::remove_dir_all(&folder).unwrap();
