@@ -18,7 +18,7 @@
 //! What lies along the robot's way is no disagreement: there the robot only helps. It belongs together with a robot that
 //! gives way across its path (`predictor.correction_across`); docs/sharing.md has the figures of both.
 
-use tandem_wire::{Guidance, Law, Vec3};
+use tandem_wire::{Guidance, Law, Malformed, Memory, Remember, Vec3};
 
 /// Slower than this, neither human nor robot counts as pushing, in metres per second.
 const PUSH_SPEED: f64 = 0.02;
@@ -144,6 +144,25 @@ impl Weight {
             Law::Constant(weight) => weight.0,
             Law::Attentive => self.attentive(),
         }
+    }
+}
+
+impl Remember for Weight {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            rules: _,
+            omega,
+            tick,
+            pushed,
+            push,
+            unheard,
+        } = self;
+        memory.part(omega)?;
+        memory.check((0.0..=1.0).contains(omega))?;
+        memory.part(tick)?;
+        memory.part(pushed)?;
+        memory.part(push)?;
+        memory.part(unheard)
     }
 }
 
