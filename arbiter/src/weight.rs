@@ -155,14 +155,12 @@ impl Remember for Weight {
             tick,
             pushed,
             push,
-            unheard,
         } = self;
         memory.part(omega)?;
         memory.check((0.0..=1.0).contains(omega))?;
         memory.part(tick)?;
         memory.part(pushed)?;
-        memory.part(push)?;
-        memory.part(unheard)
+        memory.part(push)
     }
 }
 
