@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use tandem_cesn::Model;
 use tandem_link::config::PaceName;
-use tandem_link::fresh_session;
+use tandem_link::{Clock, fresh_session};
 use tandem_operator::SourceKind;
 use tandem_trials::plan::{Condition, Participant, Plan, Slot};
 use tandem_trials::{Blueprint, Configuration};
@@ -92,10 +92,18 @@ impl Prepared {
         rates.seed = slot.seed;
         rates.first_tick = begin.first_tick;
         rates.pace = match plan.settings.source {
-            SourceKind::Simulated => PaceName::Max,
+            SourceKind::Simulated => plan.settings.pace,
             _ => PaceName::Real,
         };
         configuration.human.wish = 1;
+        let line = &mut configuration.impairment;
+        // Every trial has a bad line of its own, the same under every condition that has this one.
+        line.seed = (line.seed ^ slot.seed) & i64::MAX.unsigned_abs();
+        // A plan tells outages from the trial's begin, which is about now; a receiver by its clock.
+        let now = Clock::of_process().now().seconds();
+        for [begin, _] in &mut line.outages_s {
+            *begin += now;
+        }
         Ok(configuration)
     }
 
