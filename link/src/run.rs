@@ -333,7 +333,8 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
         self.steps += 1;
         for output in self.outbox.drain() {
             if let Some(topic) = N::sample(&output, &mut self.bytes) {
-                self.spoke = true;
+                // Nobody owes an answer to what is only for the record.
+                self.spoke |= topic.delivery() != Delivery::Bulk;
                 // Publish first: nothing that is only for the record may delay the robot. The clock is read before,
                 // for a latency that begins when publishing ends would be too short.
                 let wall = self.clock.now();

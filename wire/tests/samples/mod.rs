@@ -204,3 +204,10 @@ pub(crate) fn journal() -> JournalBatch {
         ],
     }
 }
+
+pub(crate) const fn storage() -> Storage {
+    Storage {
+        condition: Condition::NoSpace,
+        dropped: 12,
+    }
+}
