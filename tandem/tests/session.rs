@@ -321,3 +321,118 @@ fn another_reader_agrees_about_a_repaired_file() {
         .expect("states");
     assert_eq!(counted as u64, received.received);
 }
+
+/// A demo whose session is cut into parts of two seconds.
+fn parts() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = folder.path().join("tandem.toml");
+    std::fs::write(&config, "[recorder]\nsplit_s = 2\n").expect("a file");
+    let path = folder.path().join("demo.mcap");
+    let flags = [
+        "demo",
+        "--pace",
+        "max",
+        "--seed",
+        "5",
+        "--record",
+        text(&path),
+        "--config",
+        text(&config),
+    ];
+    let demo = tandem(&flags);
+    assert!(demo.status.success(), "{}", String::from_utf8_lossy(&demo.stderr));
+    (folder, path)
+}
+
+#[test]
+fn the_parts_of_a_session_are_played_verified_and_described_together() {
+    let (folder, path) = parts();
+    let count = std::fs::read_dir(folder.path()).expect("the folder").filter(|entry| {
+        let name = entry.as_ref().expect("an entry").file_name();
+        name.to_string_lossy().ends_with(".mcap")
+    });
+    let count = count.count();
+    assert!(count >= 4, "{count} parts");
+    let info = json(&tandem(&["session", "info", text(&path), "--json"]));
+    assert_eq!(info["damage"], serde_json::json!([]));
+    assert_eq!(info["trials"][0]["outcome"], "goal reached");
+    assert_eq!(info["gaps"], serde_json::json!([]));
+    let verified = json(&tandem(&["replay", "--verify", text(&path), "--json"]));
+    assert_eq!(verified["verdict"], "identical");
+    let rrd = folder.path().join("again.rrd");
+    let played = json(&tandem(&["replay", text(&path), "--rrd", text(&rrd), "--json"]));
+    let whole = recording(&session()).messages.len();
+    assert_eq!(played["messages_played"], whole, "as many as when it is one file");
+    // Named one by one, and one alone.
+    let second = folder.path().join("demo_0002.mcap");
+    let two = json(&tandem(&["session", "info", text(&path), text(&second), "--json"]));
+    assert!(two["duration_s"].as_f64() < info["duration_s"].as_f64());
+    let alone = json(&tandem(&["session", "info", text(&second), "--json"]));
+    assert_eq!(alone["damage"], serde_json::json!([]), "it can be read alone");
+    assert_eq!(alone["trials"][0]["label"], "demo", "and knows its trial");
+    assert_eq!(alone["model_sha256"], info["model_sha256"]);
+}
+
+#[test]
+fn a_noted_verdict_is_shown_until_the_file_changes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("noted.mcap");
+    std::fs::copy(session(), &path).expect("a copy");
+    let verdict = || json(&tandem(&["session", "info", text(&path), "--json"]))["verdict"].clone();
+    assert_eq!(verdict(), Value::Null);
+    assert_eq!(
+        tandem(&["replay", "--verify", "--note", text(&path)]).status.code(),
+        Some(0)
+    );
+    assert_eq!(verdict(), "identical");
+    let mut bytes = std::fs::read(&path).expect("the file is there");
+    bytes.push(0);
+    std::fs::write(&path, bytes).expect("a file");
+    assert_eq!(verdict(), "outdated");
+}
+
+#[test]
+fn there_is_one_row_for_every_tick() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let export = tandem(&["session", "export", text(&session()), "--csv", text(folder.path())]);
+    assert!(export.status.success(), "{}", String::from_utf8_lossy(&export.stderr));
+    let table = std::fs::read_to_string(folder.path().join("ticks.csv")).expect("a table");
+    let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let names = lines.next().expect("names");
+    let column = |name: &str| names.iter().position(|other| *other == name).expect("the column");
+    let columns = [
+        "tick",
+        "state_captured_s",
+        "setpoint_captured_s",
+        "command_human_velocity_x_m_s",
+    ]
+    .map(column);
+    let rows: Vec<_> = lines.collect();
+    for (tick, row) in rows.iter().enumerate() {
+        assert_eq!(row[columns[0]], tick.to_string());
+    }
+    assert_eq!(rows[41][columns[1]], "4.1");
+    assert_eq!(rows[41][columns[2]], "4.1");
+    assert!(rows[41][columns[3]].parse::<f64>().is_ok());
+}
+
+/// Tables as Parquet must read where people read them, and say the same as CSV; skipped where Python lacks the reader.
+#[test]
+fn another_reader_finds_the_same_numbers_in_parquet_and_csv() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flags = ["--csv", text(folder.path()), "--parquet", text(folder.path())];
+    let export = tandem(&[&["session", "export", text(&session())], flags.as_slice()].concat());
+    assert!(export.status.success(), "{}", String::from_utf8_lossy(&export.stderr));
+    let state = std::fs::read(folder.path().join("state.parquet")).expect("a table");
+    assert!(state.starts_with(b"PAR1") && state.ends_with(b"PAR1"));
+    let python = std::env::var("TANDEM_PYTHON").unwrap_or_else(|_| "python3".into());
+    let reader = Command::new(&python).args(["-c", "import pyarrow.parquet"]).output();
+    if !reader.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: {python} has no pyarrow; set TANDEM_PYTHON to one that has");
+        return;
+    }
+    let script = include_str!("parquet_equals_csv.py");
+    let output = Command::new(&python).args(["-c", script, text(folder.path())]).output();
+    let output = output.expect("python runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
