@@ -15,7 +15,6 @@ use tandem_settings::Document;
 use tandem_wire::{Timing, Topic};
 
 use crate::Outcome;
-use export::Format;
 pub(crate) use family::load;
 pub(crate) use family::parts;
 pub(crate) use verdict::note;
@@ -68,11 +67,8 @@ pub(crate) struct ExportFlags {
     /// Further parts of the same session, instead of those beside the first.
     more: Vec<PathBuf>,
     /// The folder for state.csv, setpoint.csv, command.csv, proposal.csv and ticks.csv; made if it is not there.
-    #[arg(long, value_name = "DIR", required_unless_present = "parquet")]
-    csv: Option<PathBuf>,
-    /// The folder for the same tables as Parquet files.
     #[arg(long, value_name = "DIR")]
-    parquet: Option<PathBuf>,
+    csv: PathBuf,
 }
 
 pub(crate) fn run(command: &SessionCommands) -> anyhow::Result<Outcome> {
@@ -87,11 +83,7 @@ pub(crate) fn run(command: &SessionCommands) -> anyhow::Result<Outcome> {
         SessionCommands::Export(flags) => {
             let recording = family::load(&flags.file, &flags.more)?;
             warn(&recording);
-            for (format, folder) in [(Format::Csv, &flags.csv), (Format::Parquet, &flags.parquet)] {
-                if let Some(folder) = folder {
-                    export::write(&recording, format, folder)?;
-                }
-            }
+            export::write(&recording, &flags.csv)?;
             Ok(Outcome::Done)
         }
     }
