@@ -59,7 +59,7 @@ fn a_full_file_system_is_told_and_recording_goes_on_when_there_is_room() {
     // As much as fits: what is left is less than a block.
     let _ = std::fs::write(&ballast, vec![0; 1 << 20]);
     let outputs: Vec<Output> = record(&session(), Timing::default());
-    let mut feed_until = |sinks: &mut Sinks, wanted: Condition| {
+    let feed_until = |sinks: &mut Sinks, wanted: Condition| {
         for _ in 0..500 {
             outputs.iter().cloned().for_each(|output| sinks.handle(output));
             if sinks.storage().condition == wanted {

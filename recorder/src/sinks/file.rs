@@ -110,22 +110,12 @@ impl<D: Disk> FileSink<D> {
         if begun.is_err() {
             self.disk.remove(&path);
         }
-        let (file, length) = begun?;
+        self.state = State::Writing(begun?);
         self.parts = number;
-        self.state = State::Writing(Box::new(Part {
-            file,
-            length,
-            began: None,
-            unflushed: Lost::default(),
-        }));
         Ok(())
     }
 
-    fn write_beginning(
-        &self,
-        file: D::File,
-        number: u32,
-    ) -> Result<(SessionFile<Measured<D::File>>, Arc<AtomicU64>), Failure> {
+    fn write_beginning(&self, file: D::File, number: u32) -> Result<Box<Part<D::File>>, Failure> {
         let (file, length) = Measured::new(file);
         let mut file = SessionFile::begin(file, self.chunk_bytes, self.provenance.clone())?;
         let beginning = if number > 1 {
@@ -133,13 +123,16 @@ impl<D: Disk> FileSink<D> {
         } else {
             Ok(())
         };
-        match beginning.and_then(|()| file.flush()) {
-            Ok(()) => Ok((file, length)),
-            Err(error) => {
-                D::abandon(file.abandon().into_inner());
-                Err(error.into())
-            }
+        if let Err(error) = beginning.and_then(|()| file.flush()) {
+            D::abandon(file.abandon().into_inner());
+            return Err(error.into());
         }
+        Ok(Box::new(Part {
+            file,
+            length,
+            began: None,
+            unflushed: Lost::default(),
+        }))
     }
 
     /// Ends a part that has become large or long enough, and begins the next one.

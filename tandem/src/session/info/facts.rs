@@ -148,7 +148,7 @@ fn is_own(note: &Noted) -> bool {
 /// What the recorder said about its file and views; that single messages were missed stands in the counts.
 fn trouble(recording: &Recording) -> Vec<String> {
     let start = start_s(recording);
-    let is_trouble = |note: &&Noted| is_own(note) && !note.text.ends_with("missed");
+    let is_trouble = |note: &&Noted| is_own(note) && !note.text.ends_with("missed") && note.text != "appeared";
     let line = |note: &Noted| format!("{:.1} s: {}", note.at.seconds() - start, note.text);
     recording.notes.iter().filter(is_trouble).map(line).collect()
 }
