@@ -18,7 +18,7 @@ use crate::declared::{Declared, Entrance};
 use crate::journal::{Journal, JournalReport};
 use crate::net::{Link, LinkError};
 
-/// Inputs that may wait for a node. In real time more are dropped and counted; a node that far behind is lost anyway.
+/// Inputs that may wait for a node. In real time more cost the oldest ones, which are counted.
 const QUEUE: usize = 4096;
 
 /// In lockstep this much silence after a node's own word means that somebody does not answer.
@@ -149,6 +149,7 @@ where
     let pace = options.timing.pace;
     let entrance = Entrance {
         sender: sender.clone(),
+        oldest: receiver.clone(),
         dropped: Arc::clone(&dropped),
         pace,
     };
@@ -376,8 +377,10 @@ fn lockstep_streams<N: Ports>() -> Vec<(Topic, u32)> {
     streams.map(|&topic| (topic, 0)).collect()
 }
 
-/// Lockstep's now: the tick in the header times the period. What has no header happens at the tick that is current.
-fn lockstep_now(input: Input<'_>, period: Nanos) -> Stamp {
+/// Lockstep's now: the tick in the header times the period. What has no header happens at the tick that is current,
+/// for which zero stands here: time never runs back.
+#[must_use]
+pub fn lockstep_now(input: Input<'_>, period: Nanos) -> Stamp {
     match input {
         Input::Sample { topic, bytes } if topic.delivery() != Delivery::Bulk => {
             codec::peek(bytes).map_or(Stamp(0), |(_, header)| Stamp::of_tick(header.tick, period))

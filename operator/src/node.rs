@@ -1,8 +1,8 @@
 //! The step machine.
 
 use tandem_wire::{
-    Command, Deadman, Envelope, Guard, Node, NodeName, Numbering, Outbox, Pace, Refusal, Refusals, Session, Stamp,
-    State, Storage, TaskFrame, Timing, Trial, Unreadable,
+    Command, Deadman, Envelope, Node, NodeName, Numbering, Outbox, Pace, Refusal, Refusals, Session, Stamp, State,
+    StateGuard, Storage, TaskFrame, Timing, Trial, Unreadable,
 };
 
 use crate::config::{HumanConfig, HumanSettings, KeyConfig, OperatorSettings, SourceKind};
@@ -54,7 +54,7 @@ pub struct Operator {
     trial_label: String,
     commands: Numbering,
     trials: Numbering,
-    states: Guard,
+    states: StateGuard,
     refused: Refusals,
     eyes: Eyes,
     picture: Picture,
@@ -94,10 +94,10 @@ impl Operator {
         };
         Self {
             timing,
-            trial_label: settings.trial_label.clone(),
+            trial_label: settings.trial_label.as_str().to_owned(),
             commands: Numbering::new(session),
             trials: Numbering::new(session),
-            states: Guard::new(timing.stream_timeout()),
+            states: StateGuard::new(&timing),
             refused: Refusals::default(),
             eyes: Eyes::new(frame),
             picture: Picture::Never,
@@ -213,6 +213,7 @@ impl Operator {
             activity: self.source.activity(),
             deadman: self.deadman(),
             seen: self.picture.live().copied(),
+            wish: self.source.wish(),
             recording: self.recording,
             refused: self.refused,
         };

@@ -6,6 +6,13 @@
 //! [`reexecute`](fn@reexecute) does the second: it feeds every node of a recording its own journal and says whether
 //! the same came out.
 //!
+//! A [`Tracer`] follows one trial and makes a [`Trace`] of it; [`Measures`] are its figures.
+//!
+//! [`World`] runs a trial of these nodes under virtual time, in one thread and without a network.
+//!
+//! [`sweep`] runs the same trials under many laws, on all cores.
+//! [`Plan`](plan::Plan) is an experiment as it was written down, [`run`] the folder that holds what became of it.
+//!
 //! The crate refuses to know flags, terminals and exit codes: those belong to the command line. It reads no clock.
 //!
 //! Start reading at [`Blueprint`], then `reexecute.rs`.
@@ -16,11 +23,27 @@
 mod blueprint;
 mod configuration;
 mod fields;
+mod latency;
+mod measures;
+pub mod plan;
 mod reexecute;
+pub mod run;
+mod smoothness;
+pub mod statistics;
+pub mod sweep;
+pub mod trace;
+mod tracer;
 mod verdict;
+pub mod world;
 
 pub use blueprint::{Blueprint, Unbuildable};
 pub use configuration::Configuration;
 pub use fields::{EPSILON, FieldDifference};
+pub use latency::Quantiles;
+pub use measures::Measures;
 pub use reexecute::reexecute;
+pub use smoothness::sparc;
+pub use trace::Trace;
+pub use tracer::Tracer;
 pub use verdict::{Difference, Divergence, Findings, Missing, Overall, RunFinding, Verdict};
+pub use world::{Halt, Player, Seat, World};

@@ -50,6 +50,7 @@ fn setpoint(row: &mut Row, setpoint: &Setpoint) {
         Law::Human => "human",
         Law::Robot => "robot",
         Law::Constant(_) => "constant",
+        Law::Attentive => "attentive",
     };
     row.text("law", Some(law.to_owned()));
     row.number("human_weight", Some(setpoint.weight.0));
