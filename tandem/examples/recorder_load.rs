@@ -5,8 +5,6 @@
 //! read from `/proc`, what arrived from its file. With `stalled` its disk is a pipe that nobody reads and its viewer
 //! accepts connections and never answers: then memory and exit code are what matters. Linux only.
 
-#![expect(clippy::disallowed_methods, reason = "a measurement reads the clock")]
-
 use std::fs::File;
 use std::net::TcpListener;
 use std::os::unix::fs::OpenOptionsExt as _;
