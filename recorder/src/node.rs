@@ -4,8 +4,8 @@ use std::mem::discriminant;
 use std::sync::Arc;
 
 use tandem_wire::{
-    Condition, Envelope, Motion, Node, NodeName, Numbering, Outbox, Pace, Reason, SECOND, Session, Setpoint, Stamp,
-    State, Storage, Timing, Topic, Trial, Unreadable, seconds,
+    Condition, Envelope, Malformed, Memory, Motion, Node, NodeName, Numbering, Outbox, Pace, Reason, Remember, SECOND,
+    Session, Setpoint, Stamp, State, Storage, Timing, Topic, Trial, Unreadable, seconds,
 };
 
 use crate::heard::{Entry, Heard, Level, Note, Sample};
@@ -280,6 +280,13 @@ impl Recorder {
     }
 }
 
+impl Remember for Recorder {
+    /// Nothing: nobody executes a recorder again, for what it hears is the recording itself.
+    fn remember(&mut self, _: &mut Memory<'_>) -> Result<(), Malformed> {
+        Ok(())
+    }
+}
+
 impl Node for Recorder {
     type Event = Event;
     type Output = Output;
@@ -310,6 +317,10 @@ impl Node for Recorder {
             Phase::Hearing { counts_due } => Some(counts_due),
             Phase::Silent | Phase::Closed => None,
         }
+    }
+
+    fn trial(&self) -> u32 {
+        0
     }
 }
 
