@@ -287,11 +287,19 @@ impl Sinks {
     /// Ends every sink, waiting for all of them together at most `limit`. What has not ended by then is left behind.
     #[must_use]
     pub fn close(mut self, limit: Duration) -> Closed {
-        let until = crossbeam_channel::after(limit);
+        let mut until = crossbeam_channel::after(limit);
         let feeds: Vec<_> = self.file.take().into_iter().chain(self.views.drain(..)).collect();
         // All are told to end before any is waited for.
         let ending: Vec<_> = feeds.into_iter().map(Feed::end).collect();
-        let sinks = ending.into_iter().map(|ending| ending.wait(&until)).collect();
+        let mut sinks = Vec::with_capacity(ending.len());
+        for ending in ending {
+            let (ended, is_time_up) = ending.wait(&until);
+            sinks.push(ended);
+            if is_time_up {
+                // The moment comes once; for those behind it has come as well.
+                until = crossbeam_channel::after(Duration::ZERO);
+            }
+        }
         Closed {
             sinks,
             drops: self.shared.drops(),

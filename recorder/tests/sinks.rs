@@ -104,3 +104,36 @@ fn a_viewer_that_is_not_there_holds_nothing_up() {
     );
     assert!(closed.sinks[1].messages.is_some(), "{closed:?}");
 }
+
+#[cfg(unix)]
+#[test]
+fn a_stalled_disk_and_a_stalled_viewer_together_hold_up_the_end_no_longer_than_one_of_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("a.mcap");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+    if !made.is_ok_and(|status| status.success()) {
+        eprintln!("skipped: there is no mkfifo");
+        return;
+    }
+    // Opened both ways it waits for nobody; it takes some kilobytes and then nothing more.
+    let _held = std::fs::File::options().read(true).write(true).open(&pipe).unwrap();
+    let viewer = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut sinks = open(&RecorderSettings {
+        path: pipe.to_str().unwrap().into(),
+        live: Live::Connect,
+        viewer: format!("rerun+http://{}/proxy", viewer.local_addr().unwrap()),
+        flush_ms: 20,
+        ..RecorderSettings::default()
+    })
+    .unwrap();
+    // That somebody listens there has been noticed.
+    let _connection = viewer.accept().unwrap();
+    for _ in 0..40 {
+        for output in record(&session(), Timing::default().lockstep()) {
+            sinks.handle(output);
+        }
+    }
+    // This returns at all.
+    let closed = sinks.close(Duration::from_millis(200));
+    assert_eq!(closed.sinks[0].messages, None, "the pipe is full: {closed:?}");
+}

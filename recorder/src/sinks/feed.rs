@@ -239,22 +239,23 @@ impl Feed {
 }
 
 impl Ending {
-    /// Waits until the sink has ended or `until` comes.
-    pub(super) fn wait(self, until: &Receiver<Instant>) -> Ended {
-        let in_time = match self.ended.try_recv() {
-            Ok(()) => true,
-            Err(TryRecvError::Disconnected) => false,
+    /// Waits until the sink has ended or `until` comes, and says whether that came.
+    pub(super) fn wait(self, until: &Receiver<Instant>) -> (Ended, bool) {
+        let (in_time, is_time_up) = match self.ended.try_recv() {
+            Ok(()) => (true, false),
+            Err(TryRecvError::Disconnected) => (false, false),
             Err(TryRecvError::Empty) => select! {
-                recv(self.ended) -> end => end.is_ok(),
-                recv(until) -> _ => false,
+                recv(self.ended) -> end => (end.is_ok(), false),
+                recv(until) -> _ => (false, true),
             },
         };
-        Ended {
+        let ended = Ended {
             sink: self.name.to_owned(),
             path: self.path,
             messages: in_time.then(|| self.line.taken.load(Ordering::Relaxed)),
             dropped: self.line.dropped.load(Ordering::Relaxed),
-        }
+        };
+        (ended, is_time_up)
     }
 }
 
@@ -408,7 +409,7 @@ mod tests {
             "once"
         );
         drop(allow);
-        let ended = feed.end().wait(&never());
+        let (ended, _) = feed.end().wait(&never());
         assert_eq!(ended.messages, Some(100 - drops));
         assert_eq!(ended.dropped, drops);
     }
@@ -418,7 +419,8 @@ mod tests {
         let (mut feed, _allow, _, _told) = start(false);
         feed.offer(heard());
         let now = crossbeam_channel::after(Duration::ZERO);
-        assert_eq!(feed.end().wait(&now).messages, None);
+        let (ended, is_time_up) = feed.end().wait(&now);
+        assert_eq!((ended.messages, is_time_up), (None, true));
     }
 
     #[test]
@@ -428,7 +430,7 @@ mod tests {
             allow.send(()).unwrap();
             feed.offer(heard());
         }
-        let ended = feed.end().wait(&never());
+        let (ended, _) = feed.end().wait(&never());
         assert_eq!(
             (ended.messages, ended.dropped, shared.drops().views.total()),
             (Some(0), 3, 3)

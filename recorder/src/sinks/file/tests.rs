@@ -380,7 +380,7 @@ fn a_stalled_disk_holds_nobody_up_and_its_drops_are_told_by_channel() {
         "{channels:?}"
     );
     drop::<Sender<()>>(allow);
-    let ended = feed.end().wait(&never());
+    let (ended, _) = feed.end().wait(&never());
     assert_eq!(ended.messages.unwrap() + ended.dropped, heards.len() as u64);
 }
 
