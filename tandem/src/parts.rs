@@ -72,6 +72,7 @@ impl Parts {
                 build: BUILD.to_owned(),
                 model,
             },
+            impairment: configuration.impairment.clone(),
             await_peers: if lockstep {
                 self.await_peers
                     .iter()
