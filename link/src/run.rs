@@ -22,6 +22,8 @@ use crate::net::{Link, LinkError};
 
 /// Inputs that may wait for a node. In real time more cost the oldest ones, which are counted.
 const QUEUE: usize = 4096;
+/// The recorder hears everybody at once, and a second that it waits for the processor must not cost a message.
+const RECORDERS_QUEUE: usize = 32_768;
 
 /// In lockstep this much silence after a node's own word means that somebody does not answer.
 const SILENCE: Duration = Duration::from_secs(2);
@@ -152,7 +154,10 @@ where
     N: Ports + Send + 'static,
     N::Output: Send,
 {
-    let (sender, receiver) = bounded(QUEUE);
+    let (sender, receiver) = bounded(match N::NAME {
+        NodeName::Recorder => RECORDERS_QUEUE,
+        _ => QUEUE,
+    });
     let dropped = Arc::new(AtomicU64::new(0));
     let pace = options.timing.pace;
     let entrance = Entrance {
