@@ -206,6 +206,7 @@ pub(crate) fn journal() -> JournalBatch {
     }
 }
 
+#[allow(dead_code, reason = "the benchmark leaves it out")]
 pub(crate) const fn storage() -> Storage {
     Storage {
         condition: Condition::NoSpace,
