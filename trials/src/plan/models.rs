@@ -18,7 +18,7 @@ pub struct NoModel {
     /// The model.
     pub name: String,
     /// What went wrong.
-    pub source: ModelFault,
+    pub source: Box<ModelFault>,
 }
 
 /// What went wrong with a plan's model.
@@ -65,7 +65,7 @@ impl ModelPlan {
         self.find(base).map_err(|source| NoModel {
             place: self.place.clone(),
             name: self.name.clone(),
-            source,
+            source: Box::new(source),
         })
     }
 
