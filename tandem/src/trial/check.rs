@@ -122,8 +122,8 @@ fn overview(plan: &Plan, participants: &[Participant]) -> String {
         (
             "ticks",
             format!(
-                "{} as wished, {:.0} a trial",
-                total * (LAST_STEP as u64 + 1),
+                "{:.0} as wished, {:.0} a trial",
+                total as f64 * (LAST_STEP + 1.0),
                 LAST_STEP + 1.0
             ),
         ),

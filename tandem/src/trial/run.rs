@@ -165,7 +165,7 @@ impl Run<'_> {
         let name = self.name(slot);
         bar.set_message(name);
         bar.tick();
-        let driven = self.drive(participant, slot, |following| Ok(following.to_the_end(|_| bar.tick())))?;
+        let driven = self.drive(participant, slot, |following| Ok(following.until_over(|_| bar.tick())))?;
         if driven.end == End::Interrupted {
             return Ok(Next::Stop("interrupted"));
         }

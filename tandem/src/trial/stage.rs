@@ -174,7 +174,7 @@ impl Stage {
     }
 
     /// Drives a trial to its end. `steer` is called with the nodes' keyboard and whoever follows the trial, and returns
-    /// when the trial is over; [`Following::to_the_end`] does for simulated humans.
+    /// when the trial is over; [`Following::until_over`] does for simulated humans.
     pub(crate) fn drive(
         &mut self,
         task: &Task<'_>,
@@ -367,7 +367,7 @@ pub(crate) struct Following<'a> {
 
 impl Following<'_> {
     /// Waits for the end of a trial that drives itself. `show` sees how far it is.
-    pub(crate) fn to_the_end(&mut self, mut show: impl FnMut(&Tracer)) -> End {
+    pub(crate) fn until_over(&mut self, mut show: impl FnMut(&Tracer)) -> End {
         loop {
             if let Some(end) = self.poll(POLL) {
                 return end;
@@ -513,7 +513,7 @@ mod tests {
                 assert_eq!(following.poll(POLL), None);
             }
             following.nodes[1].1.stop();
-            Ok(following.to_the_end(|_| {}))
+            Ok(following.until_over(|_| {}))
         });
         let End::Aborted(why) = killed.unwrap().end else {
             panic!("it should be aborted");
@@ -521,7 +521,7 @@ mod tests {
         assert!(why.contains("predictor"), "{why}");
         let second = blueprint(stage.next_tick());
         let driven = stage.drive(&task(2, &second), &interrupted, |following| {
-            Ok(following.to_the_end(|_| {}))
+            Ok(following.until_over(|_| {}))
         });
         let driven = driven.unwrap();
         assert_eq!(driven.end, End::Over);
