@@ -8,6 +8,7 @@ use tandem_wire::{
 use crate::config::{HumanConfig, HumanSettings, KeyConfig, OperatorSettings, SourceKind};
 use crate::device::{DeviceSample, Keyboard};
 use crate::human::SimulatedHuman;
+use crate::played::{Played, PlayedSample};
 use crate::sight::{Eyes, Picture};
 use crate::source::Source;
 use crate::status::Status;
@@ -19,6 +20,8 @@ pub enum Event {
     State(Box<Envelope<State>>),
     /// The local device was sampled.
     Device(DeviceSample),
+    /// A recording that is played was sampled.
+    Played(PlayedSample),
     /// A sample could not be read.
     Unreadable(Unreadable),
     /// A peer's token appeared or vanished; the operator goes by states alone.
@@ -88,6 +91,7 @@ impl Operator {
                 Source::Simulated(Box::new(SimulatedHuman::new(config)))
             }
             SourceKind::Keyboard => Source::Device(Keyboard::new(KeyConfig::new(settings, frame))),
+            SourceKind::Replayed => Source::Played(Played::new(settings.device_timeout())),
         };
         Self {
             timing,
@@ -227,6 +231,7 @@ impl Node for Operator {
         match event {
             Event::State(state) => self.on_state(now, &state, outbox),
             Event::Device(sample) => self.on_device(now, sample, outbox),
+            Event::Played(sample) => self.source.take_played(now, sample, self.picture.live().is_some()),
             Event::Unreadable(_) => self.refused.add(Refusal::Unreadable),
             Event::Stop => self.on_stop(now, outbox),
             Event::Presence { .. } | Event::Wake => {}

@@ -8,6 +8,8 @@ use tandem_recorder::RecorderSettings;
 use tandem_robot_sim::RobotSimSettings;
 use tandem_settings::{Document, Error, Section, show};
 
+use crate::drive::DriveSettings;
+
 /// The settings of every part, each checked by itself.
 #[derive(Clone, Debug, Default)]
 pub struct Configuration {
@@ -29,6 +31,8 @@ pub struct Configuration {
     pub robot: RobotSimSettings,
     /// The recorder.
     pub recorder: RecorderSettings,
+    /// Driving along a recording.
+    pub replay: DriveSettings,
 }
 
 impl Configuration {
@@ -47,6 +51,7 @@ impl Configuration {
             arbiter: document.section()?,
             robot: document.section()?,
             recorder: document.section()?,
+            replay: document.section()?,
         };
         document.finish(&[
             LinkSettings::NAME,
@@ -58,6 +63,7 @@ impl Configuration {
             ArbiterSettings::NAME,
             RobotSimSettings::NAME,
             RecorderSettings::NAME,
+            DriveSettings::NAME,
         ])?;
         Ok(configuration)
     }
@@ -75,6 +81,7 @@ impl Configuration {
             show(&self.arbiter),
             show(&self.robot),
             show(&self.recorder),
+            show(&self.replay),
         ]
         .join("\n")
     }

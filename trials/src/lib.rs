@@ -6,6 +6,8 @@
 //! [`reexecute`](fn@reexecute) does the second: it feeds every node of a recording its own journal and says whether
 //! the same came out.
 //!
+//! [`drive`] leads a live robot along a recorded path, as an operator's hand would.
+//!
 //! The crate refuses to know flags, terminals and exit codes: those belong to the command line. It reads no clock.
 //!
 //! Start reading at [`Blueprint`], then `reexecute.rs`.
@@ -15,6 +17,7 @@
 
 mod blueprint;
 mod configuration;
+pub mod drive;
 mod fields;
 mod reexecute;
 mod verdict;
