@@ -34,4 +34,4 @@ pub use config::{LinkSettings, LoopSettings, TaskSettings};
 pub use journal::JournalReport;
 pub use net::{Link, LinkError};
 pub use observer::{Observer, Sighting};
-pub use run::{Device, Report, Running, ShellOptions, spawn};
+pub use run::{Device, Report, Running, ShellOptions, lockstep_now, spawn};

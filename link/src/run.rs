@@ -375,8 +375,10 @@ fn lockstep_streams<N: Ports>() -> Vec<(Topic, u32)> {
     streams.map(|&topic| (topic, 0)).collect()
 }
 
-/// Lockstep's now: the tick in the header times the period. What has no header happens at the tick that is current.
-fn lockstep_now(input: Input<'_>, period: Nanos) -> Stamp {
+/// Lockstep's now: the tick in the header times the period. What has no header happens at the tick that is current,
+/// for which zero stands here: time never runs back.
+#[must_use]
+pub fn lockstep_now(input: Input<'_>, period: Nanos) -> Stamp {
     match input {
         Input::Sample { topic, bytes } if topic.delivery() != Delivery::Bulk => {
             codec::peek(bytes).map_or(Stamp(0), |(_, header)| Stamp::of_tick(header.tick, period))

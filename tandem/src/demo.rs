@@ -10,14 +10,13 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 use tandem_link::{Clock, Link, Observer, Running, Sighting};
 use tandem_recorder::{Closed, Sinks};
-use tandem_trials::Configuration;
-use tandem_wire::{JournalBatch, NodeName, Pace, Scene, Setpoint, State, Topic, Trial, decode};
+use tandem_trials::{Configuration, Measures, Tracer};
+use tandem_wire::{JournalBatch, NodeName, Pace, Topic, Trial, decode};
 
 use crate::configuration::{self, CommonFlags};
-use crate::latency::{Latency, Quantiles};
 use crate::nodes::ViewFlag;
 use crate::parts::{Parts, RunningRecorder, lost};
-use crate::summary::{Figures, Summary};
+use crate::summary::progress;
 use crate::trial::TrialMarks;
 use crate::{Outcome, interrupt, shipped, table};
 
@@ -96,7 +95,7 @@ pub(crate) fn run(flags: &DemoFlags) -> anyhow::Result<Outcome> {
         .gather()
         .and_then(|()| trial.mark(begin))
         .and_then(|()| watch.until_over(&interrupted));
-    let outcome = if watch.summary.figures().reached_goal {
+    let outcome = if watch.figures().reached_goal {
         "goal reached"
     } else {
         "goal not reached"
@@ -112,8 +111,7 @@ pub(crate) fn run(flags: &DemoFlags) -> anyhow::Result<Outcome> {
     marked?;
 
     let report = Report {
-        figures: watch.summary.figures(),
-        latency: watch.latency.quantiles(),
+        figures: watch.figures(),
         closed,
         trained,
         wall: began.elapsed(),
@@ -192,8 +190,7 @@ struct Watch {
     observer: Observer,
     pace: Pace,
     bar: ProgressBar,
-    summary: Summary,
-    latency: Latency,
+    tracer: Tracer,
     /// Journal entries seen, of all nodes.
     journalled: u64,
     newest: [u32; 4],
@@ -217,8 +214,7 @@ impl Watch {
             observer,
             pace,
             bar,
-            summary: Summary::default(),
-            latency: Latency::default(),
+            tracer: Tracer::default(),
             journalled: 0,
             newest: [0; 4],
             progressed: Instant::now(),
@@ -241,7 +237,7 @@ impl Watch {
 
     fn until_over(&mut self, interrupted: &crossbeam_channel::Receiver<()>) -> anyhow::Result<()> {
         self.progressed = Instant::now();
-        while !self.summary.is_over() && self.summary.ticks() < TICKS_MAX {
+        while !self.tracer.is_over() && self.tracer.elapsed_ticks() < TICKS_MAX {
             if interrupted.try_recv().is_ok() {
                 bail!("interrupted; what was recorded so far is kept");
             }
@@ -274,28 +270,22 @@ impl Watch {
         {
             self.newest[at] = header.tick;
         }
+        self.tracer.see(*topic, bytes);
         match topic {
-            Topic::Scene => decode::<Scene>(bytes)
-                .into_iter()
-                .for_each(|scene| self.summary.see_scene(&scene.body)),
-            Topic::Setpoint => decode::<Setpoint>(bytes)
-                .into_iter()
-                .for_each(|sent| self.summary.see_setpoint(&sent)),
-            Topic::State => decode::<State>(bytes).into_iter().for_each(|state| {
+            Topic::State => {
                 self.progressed = Instant::now();
-                self.latency.see_state(&state.body);
-                self.summary.see_state(&state);
-                self.bar.set_position(u64::from(self.summary.ticks()));
-                self.bar.set_message(self.summary.progress());
-            }),
-            Topic::Journal(node) => {
-                decode::<JournalBatch>(bytes).into_iter().for_each(|batch| {
-                    self.journalled += batch.body.entries.len() as u64;
-                    self.latency.see_journal(*node, &batch.body);
-                });
+                self.bar.set_position(u64::from(self.tracer.elapsed_ticks()));
+                self.bar.set_message(progress(&self.tracer));
             }
+            Topic::Journal(_) => decode::<JournalBatch>(bytes)
+                .into_iter()
+                .for_each(|batch| self.journalled += batch.body.entries.len() as u64),
             _ => {}
         }
+    }
+
+    fn figures(&self) -> Measures {
+        Measures::of(&self.tracer.trace())
     }
 
     /// In lockstep: whose message of the newest tick is missing.
@@ -310,8 +300,7 @@ impl Watch {
 }
 
 struct Report {
-    figures: Figures,
-    latency: Option<Quantiles>,
+    figures: Measures,
     closed: Closed,
     trained: Duration,
     wall: Duration,
@@ -345,8 +334,6 @@ impl Report {
             "seed": self.configuration.rates.seed,
             "session_path": self.configuration.recorder.path,
             "rrd_path": self.configuration.recorder.rrd,
-            "latency_p50_ms": self.latency.map(|quantiles| quantiles.p50_ms),
-            "latency_p99_ms": self.latency.map(|quantiles| quantiles.p99_ms),
             "train_ms": self.trained.as_secs_f64() * 1e3,
             "wall_s": self.wall.as_secs_f64(),
             "messages_lost": lost(&self.closed),
@@ -370,8 +357,9 @@ impl Report {
                 .collect::<Vec<_>>()
                 .join("; "),
         };
-        let latency = self.latency.map_or("not measured".into(), |quantiles| {
-            format!("p50 {:.2} ms, p99 {:.2} ms", quantiles.p50_ms, quantiles.p99_ms)
+        let latency = figures.latency_p50_ms.zip(figures.latency_p99_ms);
+        let latency = latency.map_or("not measured".into(), |(p50, p99)| {
+            format!("p50 {p50:.2} ms, p99 {p99:.2} ms")
         });
         let goal = if figures.reached_goal { "reached" } else { "NOT reached" };
         let recorder = &self.configuration.recorder;

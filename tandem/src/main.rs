@@ -4,7 +4,6 @@ mod configuration;
 mod demo;
 mod forecast;
 mod interrupt;
-mod latency;
 mod nodes;
 mod parts;
 mod replay;

@@ -8,6 +8,10 @@
 //!
 //! [`drive`] leads a live robot along a recorded path, as an operator's hand would.
 //!
+//! A [`Tracer`] follows one trial and makes a [`Trace`] of it; [`Measures`] are its figures.
+//!
+//! [`World`] runs a trial of these nodes under virtual time, in one thread and without a network.
+//!
 //! The crate refuses to know flags, terminals and exit codes: those belong to the command line. It reads no clock.
 //!
 //! Start reading at [`Blueprint`], then `reexecute.rs`.
@@ -19,11 +23,23 @@ mod blueprint;
 mod configuration;
 pub mod drive;
 mod fields;
+mod latency;
+mod measures;
 mod reexecute;
+mod smoothness;
+pub mod trace;
+mod tracer;
 mod verdict;
+pub mod world;
 
 pub use blueprint::{Blueprint, Unbuildable};
 pub use configuration::Configuration;
 pub use fields::{EPSILON, FieldDifference};
+pub use latency::Quantiles;
+pub use measures::Measures;
 pub use reexecute::reexecute;
+pub use smoothness::sparc;
+pub use trace::Trace;
+pub use tracer::Tracer;
 pub use verdict::{Difference, Divergence, Findings, Missing, Overall, RunFinding, Verdict};
+pub use world::{Halt, Player, Seat, World};

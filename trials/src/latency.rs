@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
 use tandem_wire::{Command, Happening, JournalBatch, NodeName, Setpoint, Stamp, State, Topic, decode, seconds};
 
 /// Collects what it takes, and pairs it at the end.
@@ -19,9 +20,11 @@ pub(crate) struct Latency {
 }
 
 /// Latency at two quantiles.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Quantiles {
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Quantiles {
+    /// Half of the commands were faster.
     pub p50_ms: f64,
+    /// All but one in a hundred were faster.
     pub p99_ms: f64,
 }
 

@@ -1,0 +1,167 @@
+//! A trial under virtual time is the trial that the shell runs over Zenoh in lockstep.
+
+mod support;
+
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+use support::{configuration, model, over};
+use tandem_link::{Link, Observer, Running, ShellOptions, Sighting, spawn};
+use tandem_trials::{Blueprint, Configuration, Halt, World};
+use tandem_wire::{NodeInfo, NodeName, Numbering, Pace, Ports, SECOND, Session, State, Topic, Trial, decode, encode};
+
+const LOOP: [NodeName; 4] = [
+    NodeName::Operator,
+    NodeName::Predictor,
+    NodeName::Arbiter,
+    NodeName::RobotSim,
+];
+const LIMIT: Duration = Duration::from_secs(10);
+/// Longer than any simulated human keeps trying.
+const PATIENCE: u64 = 60 * SECOND;
+
+fn begin() -> Trial {
+    Trial::Begin {
+        number: 1,
+        label: "world".into(),
+    }
+}
+
+type Messages = Vec<(Topic, Vec<u8>)>;
+
+/// Everything that was said about one trial, up to its end.
+fn in_the_world(blueprint: &Blueprint) -> Messages {
+    let mut world = World::new(blueprint).expect("the defaults fit");
+    let (mut messages, mut over) = (Messages::new(), over());
+    world.mark(begin());
+    let halt = world.run(PATIENCE, |_, topic, bytes| {
+        if topic != Topic::Trial {
+            messages.push((topic, bytes.to_vec()));
+        }
+        if over(topic, bytes) {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    });
+    assert_eq!(halt, Halt::Watched);
+    messages
+}
+
+fn start<N: Ports + Send + 'static>(link: &Link, blueprint: &Blueprint, node: N) -> Running
+where
+    N::Output: Send,
+{
+    let options = ShellOptions {
+        timing: blueprint.timing(),
+        info: NodeInfo {
+            session: blueprint.session(),
+            ..NodeInfo::default()
+        },
+        await_peers: LOOP.into_iter().filter(|name| *name != N::NAME).collect(),
+    };
+    spawn(link, node, options, |_, _| {}).expect("a node starts")
+}
+
+/// The same through real Zenoh, the operator on its own side of a TCP connection, as in `tandem demo`.
+fn over_zenoh(blueprint: &Blueprint) -> Messages {
+    let (edge, remote) = Link::open_pair(&"world".parse().expect("a name")).expect("loopback");
+    let observer = Observer::new(&edge, Pace::Lockstep).expect("an observer");
+    let players = [
+        start(&remote, blueprint, blueprint.operator()),
+        start(&edge, blueprint, blueprint.predictor().expect("it fits")),
+        start(&edge, blueprint, blueprint.arbiter().expect("it fits")),
+        start(&edge, blueprint, blueprint.robot_sim().expect("it fits")),
+    ];
+    let mut missing = LOOP.to_vec();
+    while !missing.is_empty() {
+        if let Sighting::Presence { peer, alive: true } = observer.next(LIMIT).expect("all come up") {
+            missing.retain(|name| *name != peer);
+        }
+    }
+    let mut bytes = Vec::new();
+    encode(
+        &Numbering::new(Session(99)).envelope(tandem_wire::Stamp(5), 0, begin()),
+        &mut bytes,
+    );
+    edge.publish(Topic::Trial, bytes).expect("a mark");
+    let (mut messages, mut over) = (Messages::new(), over());
+    loop {
+        let Sighting::Sample { topic, bytes, .. } = observer.next(LIMIT).expect("the loop goes on") else {
+            continue;
+        };
+        let ends = over(topic, &bytes);
+        messages.push((topic, bytes));
+        if ends {
+            break;
+        }
+    }
+    players.iter().for_each(Running::stop);
+    for player in players {
+        assert!(player.join().is_some(), "a node panicked");
+    }
+    remote.close();
+    edge.close();
+    messages
+}
+
+fn only(messages: &Messages, wanted: Topic) -> Vec<&[u8]> {
+    let of_topic = messages.iter().filter(|(topic, _)| *topic == wanted);
+    of_topic.map(|(_, bytes)| bytes.as_slice()).collect()
+}
+
+fn blueprint(configuration: Configuration) -> Blueprint {
+    Blueprint::new(configuration, Session(7), Some(model())).expect("the defaults fit")
+}
+
+#[test]
+fn a_trial_in_the_world_is_byte_for_byte_the_trial_over_zenoh() {
+    let blueprint = blueprint(configuration());
+    let (here, there) = (in_the_world(&blueprint), over_zenoh(&blueprint));
+    for topic in [
+        Topic::State,
+        Topic::Command,
+        Topic::Proposal,
+        Topic::Forecast,
+        Topic::Setpoint,
+        Topic::Scene,
+    ] {
+        let (here, there) = (only(&here, topic), only(&there, topic));
+        // The last tick may have been cut off at another message of it.
+        let count = here.len().min(there.len());
+        assert!(here.len().abs_diff(there.len()) <= 1, "{topic}");
+        assert!(here[..count] == there[..count], "{topic}");
+    }
+    assert!(only(&here, Topic::Setpoint).len() > 84);
+    assert_eq!(only(&here, Topic::Forecast).len(), 1);
+}
+
+#[test]
+fn the_same_blueprint_gives_the_same_trial_twice_and_another_seed_another_one() {
+    let once = in_the_world(&blueprint(configuration()));
+    assert!(once == in_the_world(&blueprint(configuration())));
+    let mut other = configuration();
+    other.rates.seed += 1;
+    assert!(once != in_the_world(&blueprint(other)));
+}
+
+#[test]
+fn in_real_time_virtual_deadlines_drive_the_loop_to_the_goal() {
+    let mut configuration = configuration();
+    configuration.rates.pace = tandem_link::config::PaceName::Real;
+    let messages = in_the_world(&blueprint(configuration));
+    let states = only(&messages, Topic::State);
+    let last = decode::<State>(states.last().expect("states")).expect("a state");
+    let goal = tandem_wire::Vec3::new(0.5, 0.3, 0.15);
+    assert!((last.body.tool.position - goal).norm() < 0.01);
+    assert!(states.len() > 84 * 5, "states stream at 50 Hz: {}", states.len());
+}
+
+#[test]
+fn a_world_without_a_trial_falls_silent_and_one_without_time_stops() {
+    let mut world = World::new(&blueprint(configuration())).expect("the defaults fit");
+    assert_eq!(world.run(PATIENCE, |_, _, _| ControlFlow::Continue(())), Halt::Silence);
+    world.mark(begin());
+    assert_eq!(world.run(SECOND, |_, _, _| ControlFlow::Continue(())), Halt::TimeUp);
+    assert!(world.now().seconds() > 0.9);
+}
