@@ -12,6 +12,8 @@
 //!
 //! [`World`] runs a trial of these nodes under virtual time, in one thread and without a network.
 //!
+//! [`what_if`](fn@what_if) lets a recorded human meet another law or model in such a world.
+//!
 //! The crate refuses to know flags, terminals and exit codes: those belong to the command line. It reads no clock.
 //!
 //! Start reading at [`Blueprint`], then `reexecute.rs`.
@@ -30,6 +32,7 @@ mod smoothness;
 pub mod trace;
 mod tracer;
 mod verdict;
+pub mod what_if;
 pub mod world;
 
 pub use blueprint::{Blueprint, Unbuildable};
@@ -42,4 +45,5 @@ pub use smoothness::sparc;
 pub use trace::Trace;
 pub use tracer::Tracer;
 pub use verdict::{Difference, Divergence, Findings, Missing, Overall, RunFinding, Verdict};
+pub use what_if::what_if;
 pub use world::{Halt, Player, Seat, World};

@@ -156,6 +156,11 @@ impl World {
         self.said.push_back((Topic::Trial, bytes));
     }
 
+    /// Says something in nobody's name: whoever listens to the topic hears it next.
+    pub fn say(&mut self, topic: Topic, bytes: Vec<u8>) {
+        self.said.push_back((topic, bytes));
+    }
+
     /// Has everybody hear what was said, and answer, until `watch` breaks, nobody says anything any more, or `limit`
     /// has passed. `watch` sees every message, with the virtual time at which it is heard, before anybody hears it.
     pub fn run(&mut self, limit: Nanos, mut watch: impl FnMut(Stamp, Topic, &[u8]) -> ControlFlow<()>) -> Halt {
