@@ -51,6 +51,7 @@ pub use reader::{
     ChannelRead, Damage, NodeRecord, Noted, ReadError, Recorded, Recording, RepairError, Repaired, repair,
 };
 pub use session_file::{JOURNAL_ENCODING, Provenance, SessionFile, WriteError};
-pub use sinks::{Closed, Drops, Ended, Notice, OpenError, Sinks};
+pub use sinks::{Closed, Drops, Ended, Heading, Notice, OpenError, Sinks, save_what_if};
 pub use tally::{Counts, JournalCount, StreamCount};
+pub use view::what_if::Side;
 pub use view::{Drawing, Moment, View};

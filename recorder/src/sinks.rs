@@ -16,6 +16,7 @@ mod history;
 mod program;
 mod rerun_stream;
 mod viewer;
+mod what_if;
 
 use std::fmt;
 use std::path::PathBuf;
@@ -32,6 +33,7 @@ use crate::session_file::Provenance;
 use feed::{Feed, Shared};
 use file::FileSink;
 use rerun_stream::StreamSink;
+pub use what_if::{Heading, save_what_if};
 
 /// Notices that may wait to be read; each sink makes one or two in its life.
 const NOTICES: usize = 32;

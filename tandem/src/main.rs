@@ -14,6 +14,7 @@ mod table;
 mod train;
 mod trial;
 mod verify;
+mod what_if;
 
 use std::process::ExitCode;
 
@@ -49,6 +50,8 @@ enum Subcommands {
     Recorder(nodes::RecorderFlags),
     /// Plays a recorded session, into Rerun or onto the network under another name.
     Replay(replay::ReplayFlags),
+    /// Lets the human of a recorded session meet another law or model.
+    WhatIf(what_if::WhatIfFlags),
     /// Works with session files.
     Session {
         #[command(subcommand)]
@@ -92,6 +95,7 @@ fn main() -> ExitCode {
         Subcommands::RobotSim(flags) => nodes::robot_sim(&flags),
         Subcommands::Recorder(flags) => nodes::recorder(&flags),
         Subcommands::Replay(flags) => replay::run(&flags),
+        Subcommands::WhatIf(flags) => what_if::run(&flags),
         Subcommands::Session { command } => session::run(&command),
         Subcommands::Train(flags) => train::run(&flags),
         Subcommands::Forecast(flags) => forecast::run(&flags),

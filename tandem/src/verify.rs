@@ -46,7 +46,8 @@ pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<Outcome> {
     })
 }
 
-fn read(path: &Path) -> Result<Evidence, BadConfiguration> {
+/// Reads what a session file holds for executing its nodes again.
+pub(crate) fn read(path: &Path) -> Result<Evidence, BadConfiguration> {
     let refused = |source| BadConfiguration::Session {
         path: path.to_owned(),
         source,
