@@ -6,7 +6,7 @@
 
 use tandem_wire::{
     Command, Echoes, Envelope, Guard, Guidance, Header, MessageId, Nanos, Pace, Proposal, Reason, Refusal, Refusals,
-    Session, Stamp, State, Timing, Used, Vec3,
+    Session, Stamp, State, StateGuard, Timing, Used, Vec3,
 };
 
 /// The three streams.
@@ -14,7 +14,8 @@ use tandem_wire::{
 pub(crate) struct Hearing {
     pace: Pace,
     loop_age_limit: Nanos,
-    states: Guard,
+    stream_period: Nanos,
+    states: StateGuard,
     commands: Guard,
     proposals: Guard,
     echoes: Echoes,
@@ -60,7 +61,8 @@ impl Hearing {
         Self {
             pace: timing.pace,
             loop_age_limit: timing.loop_age_limit,
-            states: guard.clone(),
+            stream_period: timing.stream_period.max(1),
+            states: StateGuard::new(timing),
             commands: guard.clone(),
             proposals: guard,
             echoes: Echoes::default(),
@@ -151,10 +153,16 @@ impl Hearing {
         (self.command?.header.tick == tick && self.proposal?.header.tick == tick).then_some(tick)
     }
 
+    /// What forbids motion now, whoever presses.
+    pub(crate) fn forbidden(&self, now: Stamp) -> Option<Reason> {
+        let no_trial = self.robot.is_some_and(|robot| robot.trial.0 == 0);
+        self.loss(now).or(no_trial.then_some(Reason::NoTrial))
+    }
+
     /// The loss that forbids motion now.
     pub(crate) fn loss(&self, now: Stamp) -> Option<Reason> {
         match self.states.silent(now) {
-            Some(silent) if self.is_lost(&self.states, now) => Some(Reason::StateLost { silent }),
+            Some(silent) if self.is_silent(self.states.is_lost(now)) => Some(Reason::StateLost { silent }),
             _ if !self.is_lost(&self.commands, now) => None,
             _ if self.too_old => Some(Reason::LoopTooOld),
             _ => Some(match self.commands.silent(now) {
@@ -170,25 +178,40 @@ impl Hearing {
         losses.into_iter().flatten().min()
     }
 
-    /// Whether a stream is lost. In lockstep silence is waited for, not timed.
     fn is_lost(&self, stream: &Guard, now: Stamp) -> bool {
-        self.pace == Pace::Real && stream.is_lost(now)
+        self.is_silent(stream.is_lost(now))
+    }
+
+    /// Whether a lost stream counts as lost. In lockstep silence is waited for, not timed.
+    fn is_silent(&self, lost: bool) -> bool {
+        self.pace == Pace::Real && lost
     }
 
     /// Refuses what was made from a state that is too old.
     ///
-    /// A state that we have not seen ourselves yet is not too old: the answer to it overtook it. In lockstep an
-    /// answer names its tick and waits for that tick's state, so there is nothing to be late for.
+    /// A state that we have not seen ourselves yet is not too old, as long as the robot can have sent it by now: the
+    /// answer to it overtook it. In lockstep an answer names its tick and waits for that tick's state, so there is
+    /// nothing to be late for.
     fn check_loop(&self, now: Stamp, seen: Option<MessageId>) -> Result<(), Refusal> {
-        let ahead = seen
-            .zip(self.states.newest())
-            .is_some_and(|(seen, newest)| seen.session == newest.session && seen.seq > newest.seq);
-        if ahead || self.pace == Pace::Lockstep {
+        if self.pace == Pace::Lockstep || seen.is_some_and(|seen| self.is_under_way(now, seen)) {
             return Ok(());
         }
         self.echoes.admit(now, seen, self.loop_age_limit).map(|_age| ())
     }
+
+    /// Whether a state may be on its way here: numbered after the newest, but no further than the robot's states can
+    /// have come since that one arrived. It is no older than the newest then, and states are not lost.
+    fn is_under_way(&self, now: Stamp, seen: MessageId) -> bool {
+        let Some((newest, silent)) = self.states.newest().zip(self.states.silent(now)) else {
+            return false;
+        };
+        let ahead = seen.seq.0.saturating_sub(newest.seq.0);
+        seen.session == newest.session && (1..=OVERTAKEN + silent / self.stream_period).contains(&ahead)
+    }
 }
+
+/// Besides those that are due by the clock, so many states may be overtaken: a burst after a hiccup, a trial's first.
+const OVERTAKEN: u64 = 5;
 
 impl<M: Copy> Heard<M> {
     fn new(now: Stamp, message: &Envelope<M>) -> Self {

@@ -89,8 +89,10 @@ impl Arbiter {
             Ok(Change::Anew) => self.helm.change_hands(),
             Ok(Change::None) => {}
         }
-        if self.hearing.loss(now).is_none() {
-            self.helm.hear(command.body.deadman);
+        match self.hearing.forbidden(now) {
+            None => self.helm.hear(command.body.deadman),
+            // A loss was noticed before this command was looked at.
+            Some(reason) => drop(self.helm.stop(reason)),
         }
         match self.timing.pace {
             Pace::Real => self.publish(now, outbox),
@@ -131,7 +133,7 @@ impl Arbiter {
     /// Looks for losses before anything else, so that no event slips in under a stream that is already gone.
     fn watch(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         if self.timing.pace == Pace::Real
-            && let Some(reason) = self.hearing.loss(now)
+            && let Some(reason) = self.hearing.forbidden(now)
             && self.helm.stop(reason)
         {
             self.publish(now, outbox);

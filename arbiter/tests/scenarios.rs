@@ -175,6 +175,64 @@ fn what_is_repeated_reordered_or_unreadable_is_counted_and_changes_nothing() {
 }
 
 #[test]
+fn a_forged_number_at_the_end_of_counting_does_not_silence_the_operator() {
+    let mut stage = real();
+    rounds(&mut stage, 1..3, Deadman::Released, None);
+    round(&mut stage, 3, held(1), None);
+    let mut forged = command(3, 0, held(9), -HUMAN);
+    forged.header.seq = Seq(u64::MAX);
+    stage.step(at(65), Event::Command(forged));
+    let mut forged = state(3, u32::MAX, CENTRE);
+    forged.header.seq = Seq(4);
+    stage.step(at(66), Event::State(forged));
+    rounds(&mut stage, 4..10, held(1), None);
+    insta::assert_snapshot!(stage.told(), @r"
+     0 ms  (0.000 0.000 0.000) ω=1.00 held: no command has arrived yet  ×2
+    22 ms  (0.000 0.000 0.000) ω=1.00 held: the deadman is released  ×2
+    62 ms  (0.000 0.100 0.000) ω=1.00 press 1, refused 2: numbered further ahead than time allows  ×7
+    ");
+}
+
+#[test]
+fn a_state_that_the_robot_cannot_have_sent_yet_excuses_no_old_command() {
+    let mut stage = real();
+    rounds(&mut stage, 1..3, Deadman::Released, None);
+    rounds(&mut stage, 3..6, held(1), None);
+    let mut overtook = command(6, 1, held(1), HUMAN);
+    overtook.body.seen = Some(id(ROBOT, 7));
+    stage.step(at(115), Event::Command(overtook));
+    let mut claims = command(7, 1, held(1), HUMAN);
+    claims.body.seen = Some(id(ROBOT, 1000));
+    stage.step(at(116), Event::Command(claims));
+    rounds(&mut stage, 7..8, held(1), None);
+    insta::assert_snapshot!(stage.told(), @r"
+     0 ms  (0.000 0.000 0.000) ω=1.00 held: no command has arrived yet  ×2
+    22 ms  (0.000 0.000 0.000) ω=1.00 held: the deadman is released  ×2
+    62 ms  (0.000 0.100 0.000) ω=1.00 press 1, refused 1: made from a state that is too old  ×5
+    ");
+}
+
+#[test]
+fn without_a_trial_nobody_drives_and_a_press_held_through_its_beginning_does_not_count() {
+    let mut stage = real();
+    for n in 1..9 {
+        let mut idle = state(n, 0, CENTRE);
+        idle.body.trial = u32::from(n >= 5);
+        stage.step(at(20 * n), Event::State(idle));
+        let deadman = if n < 3 { Deadman::Released } else { held(1) };
+        stage.step(at(20 * n + 2), Event::Command(command(n, 0, deadman, HUMAN)));
+    }
+    stage.step(at(180), Event::State(state(9, 0, CENTRE)));
+    stage.step(at(182), Event::Command(command(9, 0, held(2), HUMAN)));
+    insta::assert_snapshot!(stage.told(), @r"
+      0 ms  (0.000 0.000 0.000) ω=1.00 held: no command has arrived yet  ×2
+     22 ms  (0.000 0.000 0.000) ω=1.00 held: no trial is running  ×4
+    102 ms  (0.000 0.000 0.000) ω=1.00 held: waiting for a fresh press of the deadman  ×4
+    182 ms  (0.000 0.100 0.000) ω=1.00 press 2
+    ");
+}
+
+#[test]
 fn a_new_trial_forgets_the_guidance_of_the_one_before() {
     let mut stage = real();
     rounds(&mut stage, 1..3, Deadman::Released, None);

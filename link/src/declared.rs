@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crossbeam_channel::{Sender, bounded};
+use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
 use tandem_wire::{Envelope, NodeInfo, Numbering, Pace, Ports, Topic, encode, keys};
 use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
@@ -22,25 +22,44 @@ const QUERIES: usize = 16;
 #[derive(Clone)]
 pub(crate) struct Entrance {
     pub(crate) sender: Sender<Item>,
+    /// The node's end of the queue, to make room at its front.
+    pub(crate) oldest: Receiver<Item>,
     pub(crate) dropped: Arc<AtomicU64>,
     pub(crate) pace: Pace,
 }
 
 impl Entrance {
     fn put(&self, item: Item) {
-        let taken = match self.pace {
-            Pace::Lockstep => self.sender.send(item).is_ok(),
-            Pace::Real => self.sender.try_send(item).is_ok(),
+        let lost = match self.pace {
+            Pace::Lockstep => u64::from(self.sender.send(item).is_err()),
+            Pace::Real => put_newest(&self.sender, &self.oldest, item),
         };
-        if !taken {
-            self.dropped.fetch_add(1, Ordering::Relaxed);
-        }
+        self.dropped.fetch_add(lost, Ordering::Relaxed);
     }
 
     fn sample(&self, topic: Topic, sample: &Sample) {
         let bytes = sample.payload().to_bytes().into_owned();
         let arrived = Clock::of_process().now();
         self.put(Item::Sample { topic, bytes, arrived });
+    }
+}
+
+/// Puts an item into a queue, at the cost of the oldest ones where it is full: a node that is far behind must act on what
+/// is, not on what was. Says how many items were lost. The wish to end is never one of them.
+fn put_newest(sender: &Sender<Item>, oldest: &Receiver<Item>, item: Item) -> u64 {
+    let mut lost = 0;
+    let mut next = item;
+    loop {
+        match sender.try_send(next) {
+            Ok(()) => return lost,
+            Err(TrySendError::Disconnected(_)) => return lost + 1,
+            Err(TrySendError::Full(refused)) => next = refused,
+        }
+        // The wish to end goes to the back, in the place of what came: nothing that comes now matters any more.
+        if let Ok(Item::Stop) = oldest.try_recv() {
+            next = Item::Stop;
+        }
+        lost += 1;
     }
 }
 
@@ -141,4 +160,38 @@ fn watch_presence<N: Ports>(link: &Link, entrance: &Entrance) -> Result<Subscrib
         .history(true)
         .callback(report);
     subscriber.wait().map_err(|error| declare(&key, &error))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tandem_wire::NodeName;
+
+    fn presence(alive: bool) -> Item {
+        let peer = NodeName::Operator;
+        Item::Presence { peer, alive }
+    }
+
+    #[test]
+    fn a_full_queue_loses_its_oldest_and_keeps_the_newest() {
+        let (sender, receiver) = bounded(2);
+        assert_eq!(put_newest(&sender, &receiver, presence(false)), 0);
+        assert_eq!(put_newest(&sender, &receiver, presence(false)), 0);
+        assert_eq!(put_newest(&sender, &receiver, presence(true)), 1);
+        let kept: Vec<Item> = receiver.try_iter().collect();
+        assert!(matches!(
+            kept.as_slice(),
+            [Item::Presence { alive: false, .. }, Item::Presence { alive: true, .. }]
+        ));
+    }
+
+    #[test]
+    fn the_wish_to_end_survives_a_full_queue() {
+        let (sender, receiver) = bounded(2);
+        assert_eq!(put_newest(&sender, &receiver, Item::Stop), 0);
+        for _ in 0..10 {
+            let _ = put_newest(&sender, &receiver, presence(true));
+        }
+        assert!(receiver.try_iter().any(|item| matches!(item, Item::Stop)));
+    }
 }

@@ -18,7 +18,7 @@ use crate::declared::{Declared, Entrance};
 use crate::journal::{Journal, JournalReport};
 use crate::net::{Link, LinkError};
 
-/// Inputs that may wait for a node. In real time more are dropped and counted; a node that far behind is lost anyway.
+/// Inputs that may wait for a node. In real time more cost the oldest ones, which are counted.
 const QUEUE: usize = 4096;
 
 /// In lockstep this much silence after a node's own word means that somebody does not answer.
@@ -149,6 +149,7 @@ where
     let pace = options.timing.pace;
     let entrance = Entrance {
         sender: sender.clone(),
+        oldest: receiver.clone(),
         dropped: Arc::clone(&dropped),
         pace,
     };

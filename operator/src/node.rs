@@ -1,8 +1,8 @@
 //! The step machine.
 
 use tandem_wire::{
-    Command, Deadman, Envelope, Guard, Node, NodeName, Numbering, Outbox, Pace, Refusal, Refusals, Session, Stamp,
-    State, TaskFrame, Timing, Trial, Unreadable,
+    Command, Deadman, Envelope, Node, NodeName, Numbering, Outbox, Pace, Refusal, Refusals, Session, Stamp, State,
+    StateGuard, TaskFrame, Timing, Trial, Unreadable,
 };
 
 use crate::config::{HumanConfig, HumanSettings, KeyConfig, OperatorSettings, SourceKind};
@@ -55,7 +55,7 @@ pub struct Operator {
     trial_label: String,
     commands: Numbering,
     trials: Numbering,
-    states: Guard,
+    states: StateGuard,
     refused: Refusals,
     eyes: Eyes,
     picture: Picture,
@@ -98,7 +98,7 @@ impl Operator {
             trial_label: settings.trial_label.clone(),
             commands: Numbering::new(session),
             trials: Numbering::new(session),
-            states: Guard::new(timing.stream_timeout()),
+            states: StateGuard::new(&timing),
             refused: Refusals::default(),
             eyes: Eyes::new(frame),
             picture: Picture::Never,

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use tandem_cesn::{Forecaster, Model};
 use tandem_wire::{
-    Envelope, Forecast, Guard, Guidance, Header, Node, Numbering, Outbox, Proposal, Refusal, Refusals, Session, Stamp,
-    State, TaskFrame, Timing, Unreadable,
+    Envelope, Forecast, Guidance, Header, Node, Numbering, Outbox, Proposal, Refusal, Refusals, Session, Stamp, State,
+    StateGuard, TaskFrame, Timing, Unreadable,
 };
 
 use crate::checkpoint::{Crossing, Lookout, Plane};
@@ -49,7 +49,7 @@ pub struct Predictor {
     forecaster: Forecaster,
     proposals: Numbering,
     forecasts: Numbering,
-    states: Guard,
+    states: StateGuard,
     refused: Refusals,
     lookout: Lookout,
     course: Option<Course>,
@@ -92,7 +92,7 @@ impl Predictor {
             model,
             proposals: Numbering::new(session),
             forecasts: Numbering::new(session),
-            states: Guard::new(timing.stream_timeout()),
+            states: StateGuard::new(&timing),
             refused: Refusals::default(),
             lookout: Lookout::new(vec![plane]),
             course: None,

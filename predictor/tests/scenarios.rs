@@ -89,6 +89,28 @@ fn states_between_ticks_repeat_the_velocity_of_their_tick() {
 }
 
 #[test]
+fn a_forged_state_of_the_last_tick_there_is_does_not_freeze_the_guidance() {
+    for mut stage in [Stage::lockstep(), Stage::new(Timing::default())] {
+        walk(&mut stage, 0.12, 1.0, 38..44);
+        stage.event(
+            4_350,
+            Event::State(state(1_000_000, u32::MAX, path(0.12, 44.0), MOVING)),
+        );
+        stage.event(4_351, Event::State(state(7, u32::MAX, path(0.12, 44.0), MOVING)));
+        assert_eq!(stage.predictor.refused().count, 2);
+        let phase = |stage: &mut Stage, tick: u32| {
+            let guidance = stage.state(tick, path(0.12, f64::from(tick)), MOVING).guidance;
+            guidance.map(|guidance| guidance.phase.0)
+        };
+        let (one, next) = (phase(&mut stage, 44), phase(&mut stage, 45));
+        assert!(
+            one.zip(next).is_some_and(|(one, next)| next - one > 0.99),
+            "{one:?} {next:?}"
+        );
+    }
+}
+
+#[test]
 fn never_crossed_is_never_guided() {
     let mut stage = Stage::lockstep();
     for tick in 0..300 {

@@ -9,7 +9,7 @@
 //! of its range is slowed and the others take over its share; joint speeds and accelerations scale the whole plan, so
 //! that the tool slows down but keeps its direction; and every single tick is clamped once more, so that position,
 //! speed and acceleration hold whatever was planned. Two things are softer. The tool may overshoot a wall of the
-//! workspace by about a centimetre, in turns so hard that the joints cannot brake as quickly as the reference. And
+//! workspace by a few millimetres, in turns so hard that the joints cannot brake as quickly as the reference. And
 //! jerk is exceeded where the last clamp must act: in three ticks of a million when driven at random against the ends
 //! of every range, never on a path that ships.
 
@@ -92,8 +92,12 @@ const SLOWEST: f64 = 0.2;
 const PLANNED_SHARE: f64 = 0.9;
 /// What the change of speed, and the braking before the workspace's wall in each axis, may use of the tool's
 /// acceleration: together √(0.8² + 3 · 0.3²) < 1.
-const RAMP_SHARE: f64 = 0.8;
+pub(crate) const RAMP_SHARE: f64 = 0.8;
 const WALL_SHARE: f64 = 0.3;
+/// Braking before a wall begins early enough to take this long to begin: the joints follow the reference that late.
+const WALL_REACTION_S: f64 = 4.0 * PLAN_S;
+/// A tool this much faster than it may come at a wall must only brake.
+const WALL_SLACK_M_S: f64 = 0.02;
 /// A plan brakes a joint before this distance from the end of its range, with this share of its acceleration.
 const SOFT_MARGIN_RAD: f64 = 0.010;
 const SOFT_BRAKE_SHARE: f64 = 0.3;
@@ -181,12 +185,27 @@ impl Arm {
         };
         let frames = forward(&self.angles);
         let tool = wire(&frames.tool().origin);
+        let wished = if self.runs_at_a_wall(&frames, tool, bounds) {
+            Vec3::ZERO
+        } else {
+            wished
+        };
         let velocity = self.reference.ramped(wished, tool, bounds);
         if drive == Drive::Stop && velocity == Vec3::ZERO {
             self.stand(tool, &bounds.workspace);
         } else {
-            self.follow(velocity, &frames, &bounds.workspace);
+            self.follow(velocity, &frames, bounds);
         }
+    }
+
+    /// Whether the tool itself, not its reference, comes at a wall faster than it may. Then the turn that the joints were
+    /// busy with has to wait: they can brake at once what they cannot brake and turn.
+    fn runs_at_a_wall(&self, frames: &Frames, tool: Vec3, bounds: &ToolBounds) -> bool {
+        let twist = tool_jacobian(frames) * JointVector::from(self.speeds);
+        let velocity = Vec3::new(twist[0], twist[1], twist[2]);
+        let (low, high) = room(tool, bounds);
+        let over = between(velocity, low, high) - velocity;
+        over.norm() > WALL_SLACK_M_S
     }
 
     /// Plans the change to these joint speeds, or as large a share of it as the joints can bring about.
@@ -221,10 +240,11 @@ impl Arm {
 
     /// Plans for a tool velocity at the end of this plan, and moves the reference on. Where the joints cannot speed up or
     /// brake as quickly as the reference, the tool falls behind it or ahead of it, and the lag brings it back.
-    fn follow(&mut self, velocity: Vec3, frames: &Frames, workspace: &Aabb) {
+    fn follow(&mut self, velocity: Vec3, frames: &Frames, bounds: &ToolBounds) {
         let tool = frames.tool();
         let lag = self.reference.position - wire(&tool.origin);
-        let linear = velocity + lag * POSITION_GAIN_PER_S;
+        let (low, high) = room(wire(&tool.origin), bounds);
+        let linear = between(velocity + lag * POSITION_GAIN_PER_S, low, high);
         let angular = rotation_error(&tool.rotation, &POINTING_DOWN) * ORIENTATION_GAIN_PER_S;
         let twist = joined(&Vector3::new(linear.x, linear.y, linear.z), &angular);
         let preferred = preferred_speeds(&self.angles) * (velocity.norm() / POSTURE_FROM_M_S).min(1.0);
@@ -233,7 +253,7 @@ impl Arm {
             .map(|joint| PLANNED_SHARE * SPEED_MAX_RAD_S[joint] / speeds[joint].abs())
             .fold(1.0, f64::min);
         self.ramp_to(speeds * slower);
-        self.reference.advance(velocity * slower, lag, workspace);
+        self.reference.advance(velocity * slower, lag, &bounds.workspace);
     }
 
     /// Solves for joint speeds that stop short of every joint's range. A joint that cannot give what the solution asks
@@ -291,13 +311,9 @@ impl Reference {
     /// The velocity one plan from now on the way to `wished`: within the tool's acceleration, and slow enough for
     /// reference and tool to stop before the wall, whichever is nearer to it.
     fn ramped(&self, wished: Vec3, tool: Vec3, bounds: &ToolBounds) -> Vec3 {
-        let braking = WALL_SHARE * bounds.acceleration;
-        let (low, high) = (bounds.workspace.min, bounds.workspace.max);
-        let to_low = smaller(self.position - low, tool - low);
-        let to_high = smaller(high - self.position, high - tool);
-        let stop = |distance: f64| brake(distance, braking, 2.0 * PLAN_S);
-        let each = |distance: Vec3| Vec3::new(stop(distance.x), stop(distance.y), stop(distance.z));
-        let inside = |velocity: Vec3| between(velocity, -each(to_low), each(to_high));
+        let ((low, high), (tool_low, tool_high)) = (room(self.position, bounds), room(tool, bounds));
+        let (low, high) = (-smaller(-low, -tool_low), smaller(high, tool_high));
+        let inside = |velocity: Vec3| between(velocity, low, high);
         let change = inside(wished) - self.velocity;
         inside(self.velocity + change.capped(RAMP_SHARE * bounds.acceleration * PLAN_S))
     }
@@ -322,6 +338,13 @@ fn between(vector: Vec3, low: Vec3, high: Vec3) -> Vec3 {
         vector.y.clamp(low.y, high.y),
         vector.z.clamp(low.z, high.z),
     )
+}
+
+/// The velocities, lowest and highest in each axis, from which a point can still be stopped before the wall.
+fn room(point: Vec3, bounds: &ToolBounds) -> (Vec3, Vec3) {
+    let stop = |distance: f64| brake(distance, WALL_SHARE * bounds.acceleration, WALL_REACTION_S);
+    let each = |distance: Vec3| Vec3::new(stop(distance.x), stop(distance.y), stop(distance.z));
+    (-each(point - bounds.workspace.min), each(bounds.workspace.max - point))
 }
 
 /// The smaller of each pair of components.

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use tandem_settings::settings;
 use tandem_wire::{Aabb, Body, Cylinder, Finite, LINKS, Scene, Timing, Vec3};
 
-use crate::arm::ToolBounds;
+use crate::arm::{RAMP_SHARE, TICK_S, ToolBounds};
 use crate::kinematics::{Unreachable, joints_for};
 use crate::panda::{ARM_CAPSULES, Capsule, FLANGE, PerJoint};
 use crate::scene::OBSTACLES_MAX;
@@ -79,6 +79,8 @@ pub enum UnusableScene {
 #[derive(Clone, Debug)]
 pub(crate) struct Surroundings {
     pub(crate) bounds: ToolBounds,
+    /// The most inner ticks that one step simulates; see [`stop_ticks_max`].
+    pub(crate) stop_ticks_max: u32,
     /// The joint angles at the start.
     pub(crate) start: PerJoint,
     /// What is published; shared, so that publishing it every second allocates nothing.
@@ -109,6 +111,7 @@ impl RobotSimSettings {
             acceleration: self.tool_acceleration_m_s2,
         };
         Ok(Surroundings {
+            stop_ticks_max: stop_ticks_max(&bounds, timing),
             bounds,
             start,
             scene: Arc::new(scene),
@@ -139,6 +142,19 @@ impl RobotSimSettings {
             height: Finite(self.obstacle_height_m),
         }
     }
+}
+
+/// Twice as many inner ticks as it takes to notice a silence and then to stop from full speed within the acceleration
+/// limit, and a second more for the joints to settle. Only a process that was suspended comes near it.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "the settings' ranges keep it below a minute's ticks, and a conversion from a float saturates"
+)]
+fn stop_ticks_max(bounds: &ToolBounds, timing: &Timing) -> u32 {
+    let ramp_s = bounds.speed / (RAMP_SHARE * bounds.acceleration);
+    let noticed_s = tandem_wire::seconds(timing.stream_timeout());
+    ((2.0 * (ramp_s + noticed_s) + 1.0) / TICK_S) as u32
 }
 
 /// A capsule as it is published: the tool's and the clamp's stay on the flange, so that they need no further frame.

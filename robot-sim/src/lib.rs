@@ -10,9 +10,9 @@
 //! | wake | state and scene are published when they are due |
 //! | unreadable sample | counted |
 //! | presence | nothing: a token may outlive the one it speaks of |
-//! | stop | one last state, `Held(ShuttingDown)` |
+//! | stop | `Held(ShuttingDown)`, and the states of the ramp that brings the arm to rest |
 //!
-//! It is the last hop, so it trusts nobody before it. Motion needs a fresh press, seen here; a stream of setpoints that
+//! It is the last hop, so it trusts nobody before it. Motion needs a running trial and a fresh press, seen here; a stream of setpoints that
 //! falls silent, the end of a trial or the wish to stop brings the tool to rest along its path, and then the joints:
 //!
 //! ```text
@@ -46,6 +46,7 @@ pub mod panda;
 mod ports;
 mod report;
 pub mod scene;
+mod trials;
 
 pub use config::{RobotSimSettings, UnusableScene};
 pub use node::{Event, Output, RobotSim};

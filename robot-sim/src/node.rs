@@ -11,6 +11,7 @@ use crate::config::{RobotSimSettings, Surroundings, UnusableScene};
 use crate::hearing::Hearing;
 use crate::inner::Inner;
 use crate::report::{Situation, report};
+use crate::trials::Running;
 
 /// Everything that can happen to the robot.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,29 +67,8 @@ pub struct RobotSim {
     closed: bool,
 }
 
-/// Which trial runs.
-#[derive(Clone, Copy, Debug, Default)]
-struct Running {
-    /// 0 if none runs.
-    number: u32,
-    /// The tick at which it began.
-    start: u32,
-    /// Who began trials, last one first, and the number of each one's newest, so that a straggler begins nothing.
-    begun: [Option<(Session, u32)>; BEGINNERS],
-    /// Begins as soon as the arm stands.
-    pending: Option<u32>,
-}
-
-/// So many senders of trials are remembered. Two that repeat their marks, each for those who come late, must not begin
-/// their trials over and over in turn.
-const BEGINNERS: usize = 8;
-
 /// How often the scene is repeated in real time, for those who come late.
 const SCENE_PERIOD: u64 = 1000 * MILLISECOND;
-
-/// The most inner ticks that one step simulates: ten times as long as any stop takes once the watchdog has spoken.
-/// Only a process that was suspended gets here, and then the arm stands by the end of it.
-const TICKS_PER_STEP_MAX: u32 = 5000;
 
 impl RobotSim {
     /// A robot that numbers its messages in `session` and stands at the start.
@@ -139,6 +119,9 @@ impl RobotSim {
             Err(why) => return self.hearing.refuse(why),
             Ok(motion) => self.motion = motion,
         }
+        if setpoint.body.motion.is_permitted() && self.trial.number == 0 {
+            self.hold(Reason::NoTrial);
+        }
         self.inner.obey(setpoint, now);
         if lockstep {
             self.finish_period(outbox);
@@ -146,25 +129,25 @@ impl RobotSim {
     }
 
     fn on_trial(&mut self, trial: &Envelope<Trial>) {
-        let session = trial.header.session;
-        match trial.body {
-            Trial::Begin { number, .. } if number > 0 && self.trial.is_new(session, number) => {
-                self.trial.note(session, number);
-                self.trial.pending = Some(number);
-                self.end_trial();
-            }
-            Trial::End { number, .. } if self.trial.begun[0] == Some((session, number)) => {
-                self.trial.pending = None;
-                self.end_trial();
-            }
-            // A repetition for late joiners, or a straggler.
-            Trial::Begin { .. } | Trial::End { .. } => {}
+        if self.trial.take(trial) {
+            self.end_trial();
         }
     }
 
+    /// The process ends, and nothing will ramp the arm down once it has: so its ramp is simulated ahead, and told.
     fn on_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         self.hold(Reason::ShuttingDown);
         self.publish_state(now, outbox);
+        let mut left = self.surroundings.stop_ticks_max;
+        while left > 0 && !self.inner.is_idle() {
+            // In lockstep time stands still, and there is only one more state to tell.
+            let until = match self.timing.pace {
+                Pace::Real => self.next_state.max(self.inner.time().after(MILLISECOND)),
+                Pace::Lockstep => Stamp(u64::MAX),
+            };
+            left = self.run_to(until.0 / MILLISECOND, left);
+            self.publish_state(self.time(self.inner.time()), outbox);
+        }
         self.closed = true;
     }
 
@@ -180,22 +163,35 @@ impl RobotSim {
         self.hearing.spend_press();
     }
 
-    /// Simulates every inner tick up to `now` under what was known then.
+    /// Simulates every inner tick up to `now` under what was known then. If the process slept for so long that this
+    /// would take too many, what is left of a motion is made up for in the next steps; a standing arm skips the time.
     fn catch_up(&mut self, now: Stamp) {
         let target = now.0 / MILLISECOND;
-        for _ in 0..TICKS_PER_STEP_MAX {
-            self.watch(self.inner.time());
-            let permitted = self.motion.is_permitted();
-            if self.inner.ticks() >= target || (!permitted && self.inner.is_idle()) {
-                break;
-            }
-            self.inner
-                .tick(permitted, &self.surroundings.bounds, &self.surroundings.scene.obstacles);
-        }
-        if self.inner.ticks() < target {
+        self.run_to(target, self.surroundings.stop_ticks_max);
+        if self.inner.ticks() < target && self.is_standing() {
             self.inner.skip_to(target);
             self.watch(now);
         }
+    }
+
+    /// Simulates inner ticks up to `target`, no more than `limit` of them, and says how many of these are left. Ends
+    /// early if further ones would change nothing.
+    fn run_to(&mut self, target: u64, limit: u32) -> u32 {
+        let mut left = limit;
+        loop {
+            self.watch(self.inner.time());
+            if left == 0 || self.inner.ticks() >= target || self.is_standing() {
+                return left;
+            }
+            let permitted = self.motion.is_permitted();
+            self.inner
+                .tick(permitted, &self.surroundings.bounds, &self.surroundings.scene.obstacles);
+            left -= 1;
+        }
+    }
+
+    fn is_standing(&self) -> bool {
+        !self.motion.is_permitted() && self.inner.is_idle()
     }
 
     /// The watchdog, asked at every inner tick. In lockstep silence is waited for, not timed.
@@ -219,8 +215,7 @@ impl RobotSim {
     /// not be waited for.
     fn begin_pending_trial(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         let lockstep = self.timing.pace == Pace::Lockstep;
-        let stands = self.inner.is_idle() && !self.motion.is_permitted();
-        if !(lockstep || stands) {
+        if !(lockstep || self.is_standing()) {
             return;
         }
         let Some(number) = self.trial.pending.take() else {
@@ -286,22 +281,6 @@ impl RobotSim {
             Pace::Real => now.max(self.inner.time()),
             Pace::Lockstep => Stamp::of_tick(self.tick, self.timing.period),
         }
-    }
-}
-
-impl Running {
-    fn is_new(&self, session: Session, number: u32) -> bool {
-        let mut begun = self.begun.iter().flatten();
-        begun.all(|&(known, newest)| session != known || number > newest)
-    }
-
-    fn note(&mut self, session: Session, number: u32) {
-        let known = self
-            .begun
-            .iter()
-            .position(|at| at.is_some_and(|(known, _)| known == session));
-        self.begun[..=known.unwrap_or(BEGINNERS - 1)].rotate_right(1);
-        self.begun[0] = Some((session, number));
     }
 }
 

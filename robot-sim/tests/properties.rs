@@ -108,7 +108,7 @@ proptest! {
             for _ in 0..ticks {
                 arm.tick(drive, &bounds);
                 let tool = forward(arm.angles()).tool().origin;
-                let lag = 0.015;
+                let lag = 0.005;
                 let inside = |axis: usize, low: f64, high: f64| tool[axis] > low - lag && tool[axis] < high + lag;
                 prop_assert!(inside(0, 0.35, 0.6) && inside(1, -0.35, 0.1) && inside(2, 0.1, 0.4), "{}", tool);
                 let nearly = Vec3::new(1e-12, 1e-12, 1e-12);
@@ -274,4 +274,36 @@ fn how_often_it_is_woken_does_not_change_where_the_arm_goes() {
     };
     assert_eq!(run(1), run(7));
     assert_eq!(run(1), run(300));
+}
+
+/// Straight at every wall, edge and corner at full speed, and turned away again just before.
+#[test]
+fn at_full_speed_the_tool_brakes_in_time_for_every_wall() {
+    let workspace = Aabb {
+        min: Vec3::new(0.35, -0.35, 0.1),
+        max: Vec3::new(0.6, 0.1, 0.4),
+    };
+    let bounds = ToolBounds {
+        workspace,
+        speed: 0.5,
+        acceleration: 4.0,
+    };
+    let axis = |digit: u32| f64::from(digit % 3) - 1.0;
+    let ways = |n: u32| Vec3::new(axis(n), axis(n / 3), axis(n / 9)) * bounds.speed;
+    let mut farthest: f64 = 0.0;
+    for run in 0..27 {
+        for ticks in [1500, 300, 120] {
+            let mut arm = start();
+            for leg in 0..12 {
+                for _ in 0..ticks {
+                    arm.tick(Drive::Follow(ways((run + leg * 7) % 27)), &bounds);
+                    let tool = forward(arm.angles()).tool().origin;
+                    let (low, high) = (workspace.min.to_array(), workspace.max.to_array());
+                    let outside = (0..3).map(|axis| (low[axis] - tool[axis]).max(tool[axis] - high[axis]));
+                    farthest = outside.fold(farthest, f64::max);
+                }
+            }
+        }
+    }
+    assert!(farthest < 0.0035, "{farthest} m outside");
 }

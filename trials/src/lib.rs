@@ -29,6 +29,7 @@ mod latency;
 mod measures;
 mod reexecute;
 mod smoothness;
+pub mod statistics;
 pub mod trace;
 mod tracer;
 mod verdict;

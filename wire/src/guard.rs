@@ -2,11 +2,19 @@
 //!
 //! [`Guard`] watches one stream by the *receiver's* clock. [`Echoes`] tells how old the knowledge of a message's
 //! maker was. [`Rearm`] makes motion wait for a fresh press after any stop. The arbiter applies them to commands
-//! and proposals, the robot again to setpoints.
+//! and proposals, the robot again to setpoints. [`StateGuard`] is the guard of whoever counts by the robot's ticks.
+
+mod echoes;
+mod rearm;
+mod states;
+
+pub use echoes::Echoes;
+pub use rearm::Rearm;
+pub use states::StateGuard;
 
 use bincode::{Decode, Encode};
 
-use crate::{Deadman, Header, Malformed, MessageId, Nanos, Seq, Session, Stamp};
+use crate::{Header, MILLISECOND, Malformed, MessageId, Nanos, Session, Stamp};
 
 /// Why a message was dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, thiserror::Error)]
@@ -26,6 +34,9 @@ pub enum Refusal {
     /// Its maker had seen only an old state, or none, or one of another robot.
     #[error("made from a state that is too old")]
     LoopTooOld,
+    /// Its number or its tick is further on than its sender can have come since the last one.
+    #[error("numbered further ahead than time allows")]
+    TooFarAhead,
 }
 
 impl From<Malformed> for Refusal {
@@ -51,6 +62,11 @@ impl Refusals {
     }
 }
 
+/// No stream is faster than this.
+const FASTEST_PERIOD: Nanos = MILLISECOND;
+/// Numbers may run ahead of the time that has passed by so many: what a burst overtook or a full queue dropped.
+const LEAP: u64 = 50;
+
 /// Admits one stream's messages in order and knows when the stream is lost.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Guard {
@@ -72,7 +88,8 @@ impl Guard {
 
     /// Takes in a message that arrived at `now`, or says why it must be dropped.
     ///
-    /// A new session is admitted only once the old one is lost, so two senders never alternate.
+    /// A new session is admitted only once the old one is lost, so two senders never alternate. A number may run ahead
+    /// only as far as time allows: one forged message of the last number there is must not make all others stragglers.
     ///
     /// # Errors
     /// The reason why the message must be dropped.
@@ -86,11 +103,18 @@ impl Guard {
                 return Err(Refusal::Duplicate);
             } else if header.seq < newest.seq {
                 return Err(Refusal::OutOfOrder);
+            } else if header.seq.0 - newest.seq.0 > self.leap(now) {
+                return Err(Refusal::TooFarAhead);
             }
         }
         self.newest = Some(header.id());
         self.arrived = now;
         Ok(())
+    }
+
+    /// How far the numbers may have run on since the last admitted message.
+    const fn leap(&self, now: Stamp) -> u64 {
+        LEAP.saturating_add(now.since(self.arrived) / FASTEST_PERIOD)
     }
 
     /// How long the stream has been silent; `None` before its first message.
@@ -131,114 +155,10 @@ pub const fn stream_timeout(floor: Nanos, period: Nanos) -> Nanos {
     if periods > floor { periods } else { floor }
 }
 
-/// How many states [`Echoes`] remembers: 5 s at 50 Hz, ten times the default limit on loop age.
-const REMEMBERED: usize = 256;
-
-/// Remembers when states were sent (or seen), to tell how old the state was that an answer was made from.
-///
-/// A backlog that arrives in order looks fresh; its echoes do not.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
-pub struct Echoes {
-    session: Option<Session>,
-    slots: Vec<(Seq, Stamp)>,
-}
-
-impl Default for Echoes {
-    fn default() -> Self {
-        Self {
-            session: None,
-            slots: vec![(Seq(0), Stamp(0)); REMEMBERED],
-        }
-    }
-}
-
-impl Echoes {
-    /// Notes that state `id` was sent, or first seen, at `now`. Another session forgets the one before.
-    pub fn note(&mut self, now: Stamp, id: MessageId) {
-        if self.session != Some(id.session) {
-            self.session = Some(id.session);
-            self.slots.fill((Seq(0), Stamp(0)));
-        }
-        self.slots[slot(id.seq)] = (id.seq, now);
-    }
-
-    /// How long ago state `id` was noted; `None` if it is unknown or forgotten.
-    #[must_use]
-    pub fn age(&self, now: Stamp, id: MessageId) -> Option<Nanos> {
-        let (seq, noted) = self.slots[slot(id.seq)];
-        (self.session == Some(id.session) && seq == id.seq && seq != Seq(0)).then(|| now.since(noted))
-    }
-
-    /// Refuses an answer made from no state, an unknown one, or one older than `limit`.
-    ///
-    /// # Errors
-    /// [`Refusal::LoopTooOld`].
-    pub fn admit(&self, now: Stamp, seen: Option<MessageId>, limit: Nanos) -> Result<Nanos, Refusal> {
-        match seen.and_then(|id| self.age(now, id)) {
-            Some(age) if age <= limit => Ok(age),
-            _ => Err(Refusal::LoopTooOld),
-        }
-    }
-}
-
-fn slot(seq: Seq) -> usize {
-    usize::try_from(seq.0 % REMEMBERED as u64).expect("a remainder of 256 fits")
-}
-
-/// Makes motion wait for a fresh press of the deadman after any stop, and at the very start.
-///
-/// Presses are numbered, so a lost "released" cannot hide that the human let go and pressed again.
-///
-/// ```text
-///            held p         another press
-///   Fresh ──────────▶ Spent ─────────────▶ Armed ── stop ──▶ Fresh
-///     └── released ──▶ Open ──── press ──────┘
-/// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Encode, Decode)]
-pub enum Rearm {
-    /// Nothing seen since the start or the last stop: a press that is already held when we first look does not count.
-    #[default]
-    Fresh,
-    /// This press was held when we first looked.
-    Spent(u32),
-    /// Seen released: the next press counts.
-    Open,
-    /// This press permits motion.
-    Armed(u32),
-}
-
-impl Rearm {
-    /// Takes in the deadman's position; says which press permits motion, if one does.
-    pub fn see(&mut self, deadman: Deadman) -> Option<u32> {
-        *self = match (*self, deadman) {
-            (_, Deadman::Released) => Self::Open,
-            (Self::Open, Deadman::Held { press }) => Self::Armed(press),
-            (Self::Fresh, Deadman::Held { press }) => Self::Spent(press),
-            (Self::Armed(old) | Self::Spent(old), Deadman::Held { press }) if old != press => Self::Armed(press),
-            (same, Deadman::Held { .. }) => same,
-        };
-        match *self {
-            Self::Armed(press) => Some(press),
-            _ => None,
-        }
-    }
-
-    /// Motion was stopped, or another sender is being listened to: whatever is held by now does not count.
-    pub const fn spend(&mut self) {
-        *self = Self::Fresh;
-    }
-
-    /// Whether motion is permitted.
-    #[must_use]
-    pub const fn is_armed(&self) -> bool {
-        matches!(self, Self::Armed(_))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::MILLISECOND;
+    use crate::Seq;
 
     fn header(session: u64, seq: u64) -> Header {
         Header {
@@ -280,53 +200,22 @@ mod tests {
     }
 
     #[test]
-    fn an_echo_tells_how_old_the_state_was() {
-        let mut echoes = Echoes::default();
-        let id = |seq| MessageId {
-            session: Session(7),
-            seq: Seq(seq),
-        };
-        echoes.note(at(10), id(1));
-        assert_eq!(
-            echoes.admit(at(60), Some(id(1)), 50 * MILLISECOND),
-            Ok(50 * MILLISECOND)
-        );
-        assert_eq!(
-            echoes.admit(at(61), Some(id(1)), 50 * MILLISECOND),
-            Err(Refusal::LoopTooOld)
-        );
-        assert_eq!(
-            echoes.admit(at(10), Some(id(2)), 50 * MILLISECOND),
-            Err(Refusal::LoopTooOld)
-        );
-        assert_eq!(echoes.admit(at(10), None, 50 * MILLISECOND), Err(Refusal::LoopTooOld));
-        echoes.note(
-            at(20),
-            MessageId {
-                session: Session(8),
-                seq: Seq(1),
-            },
-        );
-        assert_eq!(echoes.age(at(20), id(1)), None);
+    fn a_number_that_time_does_not_allow_is_refused_and_the_stream_goes_on() {
+        let mut guard = Guard::new(100 * MILLISECOND);
+        guard.admit(at(0), &header(1, 5)).unwrap();
+        assert_eq!(guard.admit(at(1), &header(1, u64::MAX)), Err(Refusal::TooFarAhead));
+        assert_eq!(guard.admit(at(20), &header(1, 6)), Ok(()));
+        assert_eq!(guard.admit(at(40), &header(1, 6 + 50 + 21)), Err(Refusal::TooFarAhead));
+        assert_eq!(guard.admit(at(40), &header(1, 6 + 50 + 20)), Ok(()));
     }
 
     #[test]
-    fn a_press_held_since_before_we_looked_does_not_count() {
-        let mut rearm = Rearm::default();
-        assert_eq!(rearm.see(Deadman::Held { press: 1 }), None);
-        assert_eq!(rearm.see(Deadman::Held { press: 2 }), Some(2));
-    }
-
-    #[test]
-    fn after_a_stop_the_same_press_does_not_count() {
-        let mut rearm = Rearm::default();
-        rearm.see(Deadman::Released);
-        assert_eq!(rearm.see(Deadman::Held { press: 1 }), Some(1));
-        rearm.spend();
-        assert_eq!(rearm.see(Deadman::Held { press: 1 }), None);
-        assert_eq!(rearm.see(Deadman::Held { press: 2 }), Some(2));
-        rearm.spend();
-        rearm.see(Deadman::Released);
-        assert_eq!(rearm.see(Deadman::Held { press: 2 }), Some(2));
+    fn after_an_outage_of_any_length_the_fastest_stream_is_still_in_time() {
+        for seconds in [1, 60, 86_400] {
+            let mut guard = Guard::new(100 * MILLISECOND);
+            guard.admit(at(0), &header(1, 1)).unwrap();
+            let lost = seconds * 1000;
+            assert_eq!(guard.admit(at(lost), &header(1, 1 + lost)), Ok(()));
+        }
     }
 }

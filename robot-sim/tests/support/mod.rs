@@ -106,8 +106,15 @@ impl Stage {
         }
     }
 
+    /// In real time, with the first trial begun.
     pub fn real() -> Self {
-        Self::new(Timing::default(), &RobotSimSettings::default())
+        Self::real_with(&RobotSimSettings::default())
+    }
+
+    pub fn real_with(settings: &RobotSimSettings) -> Self {
+        let mut stage = Self::new(Timing::default(), settings);
+        stage.step(begin(1));
+        stage
     }
 
     pub fn lockstep() -> Self {
