@@ -13,13 +13,14 @@ use tandem_link::{Clock, Link, Observer, Running, Sighting};
 use tandem_operator::{PlayedSample, SAMPLE_PERIOD};
 use tandem_recorder::{Recorded, Recording};
 use tandem_trials::drive::{Driver, End, Phase, Track};
-use tandem_wire::{NodeName, Pace, State, Topic, decode, seconds};
+use tandem_wire::{Nanos, NodeName, Pace, SECOND, Stamp, State, Topic, Trial, decode, seconds};
 
 use super::keyboard::{self, DriveKey, Keyboard};
 use super::player::Speed;
 use super::{ReplayFlags, target};
 use crate::configuration::BadConfiguration;
 use crate::parts::Parts;
+use crate::trial::TrialMarks;
 use crate::{Outcome, nodes};
 
 /// How a drive ended.
@@ -120,18 +121,66 @@ fn drive(
     }
     let observer = Observer::new(link, Pace::Real)?;
     let operator = parts.operator(link, |_| {})?;
-    let ending = steer(&operator, &observer, driver, keys, interrupted, show);
+    let mut stage = Stage::new(link);
+    let ending = steer(&operator, &observer, &mut stage, driver, keys, interrupted, show);
+    let marked = stage.end(&ending);
     // Whatever went wrong, the operator says goodbye with the deadman released.
     operator.stop();
     if operator.join().is_none() {
         bail!("the operator panicked: please report this with the session file");
     }
+    marked?;
     ending
+}
+
+/// The trial in which it is driven: motion belongs to one. If none runs, one is begun, which puts a simulated arm at its
+/// start, and ended again.
+struct Stage {
+    marks: TrialMarks,
+    said: Option<Stamp>,
+}
+
+/// How often the beginning is said again, until the robot has heard it.
+const REPEAT: Nanos = SECOND;
+
+impl Stage {
+    fn new(link: &Link) -> Self {
+        Self {
+            marks: TrialMarks::new(link.clone()),
+            said: None,
+        }
+    }
+
+    /// Whether a trial runs; begins one otherwise.
+    fn is_set(&mut self, now: Stamp, state: &State) -> anyhow::Result<bool> {
+        let is_due = self.said.is_none_or(|said| now.since(said) >= REPEAT);
+        if state.trial == 0 && is_due {
+            self.said = Some(now);
+            self.marks.mark(Trial::Begin {
+                number: 1,
+                label: "replay".to_owned(),
+            })?;
+        }
+        Ok(state.trial != 0)
+    }
+
+    fn end(&mut self, ending: &anyhow::Result<Ending>) -> anyhow::Result<()> {
+        if self.said.is_none() {
+            return Ok(());
+        }
+        let outcome = match ending {
+            Ok(Ending::Ended(end)) => end.to_string(),
+            Ok(Ending::Left) => "left before the end of the path".to_owned(),
+            Err(why) => why.to_string(),
+        };
+        self.marks.mark(Trial::End { number: 1, outcome })
+    }
 }
 
 fn steer(
     operator: &Running,
     observer: &Observer,
+    stage: &mut Stage,
     driver: &mut Driver,
     keys: &Receiver<DriveKey>,
     interrupted: &Receiver<()>,
@@ -178,7 +227,10 @@ fn steer(
         }) = observer.next(wait.min(Duration::from_millis(20)))
             && let Ok(state) = decode::<State>(&bytes)
         {
-            driver.see(clock.now(), &state);
+            let is_set = driver.phase() != Phase::Looking || stage.is_set(clock.now(), &state.body)?;
+            if is_set {
+                driver.see(clock.now(), &state);
+            }
         }
     }
 }

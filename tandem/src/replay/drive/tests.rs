@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Sender, never, unbounded};
 use tandem_trials::Configuration;
 use tandem_trials::drive::{Pause, Waypoint, Wish};
-use tandem_wire::{Command, Deadman, MILLISECOND, Nanos, SECOND, Stamp, Vec3};
+use tandem_wire::{Command, Deadman, MILLISECOND, Vec3};
 
 use super::*;
 
