@@ -248,6 +248,10 @@ fn trial_text(trial: &Comparison) -> String {
             apart(trial.apart_max_m)
         ),
     ));
+    let parts = trial
+        .parts_at
+        .map_or("never".to_owned(), |tick| format!("at tick {tick}"));
+    rows.push(("the two part", format!("{:>10} {parts:>12}", "")));
     format!("trial {} {}\n{}", trace.trial, trace.label, table::rows(&rows))
 }
 
@@ -259,5 +263,6 @@ fn trial_json(trial: &Comparison) -> Value {
         "alternative": trial.alternative.1,
         "off_recorded_path_mean_m": trial.apart_mean_m,
         "off_recorded_path_max_m": trial.apart_max_m,
+        "parts_at_tick": trial.parts_at,
     })
 }

@@ -152,6 +152,8 @@ pub struct Comparison {
     pub apart_mean_m: Option<f64>,
     /// The largest.
     pub apart_max_m: Option<f64>,
+    /// The first tick, from the trial's beginning, at which the tools are more than a tenth of a millimetre apart.
+    pub parts_at: Option<u32>,
 }
 
 /// Lets the recorded human meet a changed arbiter or predictor. `progress` is told the time that has passed in seconds.
@@ -336,19 +338,23 @@ fn compare(recording: &Recording, messages: &[Said]) -> Vec<Comparison> {
             .map(|message| (message.topic, message.bytes.as_slice()));
         let now = &mut messages.iter().map(|said| (said.topic, said.bytes.as_slice()));
         let (original, alternative) = (trace(number, then), trace(number, now));
-        let (apart_mean_m, apart_max_m) = apart(&original.0, &alternative.0);
+        let (apart_mean_m, apart_max_m, parts_at) = apart(&original.0, &alternative.0);
         Comparison {
             original,
             alternative,
             apart_mean_m,
             apart_max_m,
+            parts_at,
         }
     });
     both.filter(|both| both.original.0.trial > 0).collect()
 }
 
-/// Mean and largest distance of the two tools at the same tick.
-fn apart(original: &Trace, alternative: &Trace) -> (Option<f64>, Option<f64>) {
+/// Tools that are no farther apart than this, in metres, are at the same place.
+const SAME_PLACE_M: f64 = 1e-4;
+
+/// Mean and largest distance of the two tools at the same tick, and the first tick at which there is one.
+fn apart(original: &Trace, alternative: &Trace) -> (Option<f64>, Option<f64>, Option<u32>) {
     let places = |trace: &Trace| -> BTreeMap<u32, Vec3> {
         let states = trace.ticks.iter();
         states
@@ -357,16 +363,21 @@ fn apart(original: &Trace, alternative: &Trace) -> (Option<f64>, Option<f64>) {
     };
     let motion = original.motion().into_iter().chain(alternative.motion());
     let Some((first, last)) = motion.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
-        return (None, None);
+        return (None, None, None);
     };
     let (then, now) = (places(original), places(alternative));
-    let distances: Vec<f64> = then
+    let distances: Vec<(u32, f64)> = then
         .range(first..=last)
-        .filter_map(|(tick, place)| Some((*place - *now.get(tick)?).norm()))
+        .filter_map(|(tick, place)| Some((*tick, (*place - *now.get(tick)?).norm())))
         .collect();
-    let mean = distances.iter().sum::<f64>() / distances.len() as f64;
-    let largest = distances.iter().copied().reduce(f64::max);
-    (largest.map(|_| mean), largest)
+    let parts_at = distances.iter().find(|(_, distance)| *distance > SAME_PLACE_M);
+    let sum: f64 = distances.iter().map(|(_, distance)| distance).sum();
+    let largest = distances.iter().map(|(_, distance)| *distance).reduce(f64::max);
+    (
+        largest.map(|_| sum / distances.len() as f64),
+        largest,
+        parts_at.map(|(tick, _)| *tick),
+    )
 }
 
 impl WhatIf {
