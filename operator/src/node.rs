@@ -95,7 +95,7 @@ impl Operator {
         };
         Self {
             timing,
-            trial_label: settings.trial_label.clone(),
+            trial_label: settings.trial_label.as_str().to_owned(),
             commands: Numbering::new(session),
             trials: Numbering::new(session),
             states: StateGuard::new(&timing),

@@ -177,13 +177,13 @@ impl Report<'_> {
         for trial in &answer.trials {
             lines.push(trial_text(trial));
         }
-        let (same, all) = answer.same;
-        lines.push(match () {
-            () if answer.is_the_original() => {
-                format!("all {all} states and setpoints are the original's, byte for byte")
-            }
-            () => format!("{same} of {all} states and setpoints are the original's, byte for byte"),
-        });
+        // In real time no stamp is the same, whatever the robot does.
+        if answer.timing.pace == Pace::Lockstep {
+            let (same, all) = answer.same;
+            lines.push(format!(
+                "{same} of {all} states and setpoints are the original's, byte for byte"
+            ));
+        }
         lines.extend(answer.caveats.iter().map(|caveat| format!("not known: {caveat}")));
         lines.push(format!(
             "{:.1} s lived through again in {:.2} s   (see both: rerun {})",

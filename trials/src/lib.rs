@@ -14,6 +14,8 @@
 //!
 //! [`what_if`](fn@what_if) lets a recorded human meet another law or model in such a world.
 //!
+//! [`Plan`](plan::Plan) is an experiment as it was written down, [`run`] the folder that holds what became of it.
+//!
 //! The crate refuses to know flags, terminals and exit codes: those belong to the command line. It reads no clock.
 //!
 //! Start reading at [`Blueprint`], then `reexecute.rs`.
@@ -27,7 +29,9 @@ pub mod drive;
 mod fields;
 mod latency;
 mod measures;
+pub mod plan;
 mod reexecute;
+pub mod run;
 mod smoothness;
 pub mod statistics;
 pub mod trace;
