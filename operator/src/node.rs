@@ -213,6 +213,7 @@ impl Operator {
             activity: self.source.activity(),
             deadman: self.deadman(),
             seen: self.picture.live().copied(),
+            wish: self.source.wish(),
             refused: self.refused,
         };
         if self.status != Some(status) {

@@ -41,6 +41,14 @@ impl Configuration {
     /// # Errors
     /// At the first key that is unknown, misspelt or out of range, with its place.
     pub fn from_document(document: &Document) -> Result<Self, Error> {
+        Self::from_document_beside(document, &[])
+    }
+
+    /// The same for a document that also holds `others`: sections that somebody else reads.
+    ///
+    /// # Errors
+    /// At the first key that is unknown, misspelt or out of range, with its place.
+    pub fn from_document_beside(document: &Document, others: &[&str]) -> Result<Self, Error> {
         let configuration = Self {
             link: document.section()?,
             rates: document.section()?,
@@ -53,7 +61,7 @@ impl Configuration {
             recorder: document.section()?,
             replay: document.section()?,
         };
-        document.finish(&[
+        let own = [
             LinkSettings::NAME,
             LoopSettings::NAME,
             TaskSettings::NAME,
@@ -64,7 +72,8 @@ impl Configuration {
             RobotSimSettings::NAME,
             RecorderSettings::NAME,
             DriveSettings::NAME,
-        ])?;
+        ];
+        document.finish(&[&own, others].concat())?;
         Ok(configuration)
     }
 

@@ -14,6 +14,8 @@
 //!
 //! [`what_if`](fn@what_if) lets a recorded human meet another law or model in such a world.
 //!
+//! [`sweep`] runs the same trials under many laws, on all cores.
+//!
 //! [`Plan`](plan::Plan) is an experiment as it was written down, [`run`] the folder that holds what became of it.
 //!
 //! The crate refuses to know flags, terminals and exit codes: those belong to the command line. It reads no clock.
@@ -34,6 +36,7 @@ mod reexecute;
 pub mod run;
 mod smoothness;
 pub mod statistics;
+pub mod sweep;
 pub mod trace;
 mod tracer;
 mod verdict;
