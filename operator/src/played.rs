@@ -48,10 +48,11 @@ impl PlayedSample {
     /// # Errors
     /// If the length, the version, the deadman or the numbers are not those of this layout.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, Malformed> {
-        let sample: &[u8; SAMPLE_BYTES] = match bytes.len() {
-            SAMPLE_BYTES => bytes.try_into().map_err(|_| Malformed::Body)?,
-            length if length < SAMPLE_BYTES => return Err(Malformed::Truncated(length)),
-            length => return Err(Malformed::Oversized(length)),
+        let Ok(sample) = <&[u8; SAMPLE_BYTES]>::try_from(bytes) else {
+            return Err(match bytes.len() {
+                length if length < SAMPLE_BYTES => Malformed::Truncated(length),
+                length => Malformed::Oversized(length),
+            });
         };
         if sample[0] != VERSION {
             return Err(Malformed::Version(sample[0]));

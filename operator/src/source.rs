@@ -97,7 +97,7 @@ impl Source {
     pub(crate) fn wish(&self) -> Option<Vec3> {
         match self {
             Self::Simulated(human) => human.wish(),
-            Self::Device(_) => None,
+            Self::Device(_) | Self::Played(_) => None,
         }
     }
 
