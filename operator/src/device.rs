@@ -11,7 +11,8 @@
 //!
 //! The two counts let a lost sample hide nothing, and a repeated one do nothing twice.
 
-use tandem_wire::{Malformed, Nanos, Stamp, Vec3};
+use bincode::{Decode, Encode};
+use tandem_wire::{Malformed, Memory, Nanos, Remember, Stamp, Vec3};
 
 use crate::config::KeyConfig;
 use crate::hand::Hand;
@@ -22,7 +23,7 @@ const VERSION: u8 = 1;
 const SAMPLE_BYTES: usize = 4;
 
 /// Which keys are down.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Encode, Decode)]
 pub struct Keys(u8);
 
 impl Keys {
@@ -157,6 +158,18 @@ impl Keyboard {
 
     pub(crate) const fn hand_mut(&mut self) -> &mut Hand<Keys> {
         &mut self.hand
+    }
+}
+
+impl Remember for Keyboard {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            config: _,
+            hand,
+            requests,
+        } = self;
+        hand.remember(memory)?;
+        memory.part(requests)
     }
 }
 

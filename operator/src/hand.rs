@@ -1,6 +1,7 @@
 //! The hand on a device: when what it holds counts as a press of the deadman.
 
-use tandem_wire::{Deadman, Nanos, Stamp};
+use bincode::{Decode, Encode};
+use tandem_wire::{Deadman, Malformed, Memory, Nanos, Remember, Stamp};
 
 /// Who holds what.
 ///
@@ -14,7 +15,7 @@ use tandem_wire::{Deadman, Nanos, Stamp};
 /// ```
 ///
 /// What is already held when we first look is `Spent`: it must be let go before it counts.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 enum Grip<H> {
     Absent,
     Open(Contact),
@@ -23,7 +24,7 @@ enum Grip<H> {
 }
 
 /// The newest sample's arrival and count of presses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 struct Contact {
     arrived: Stamp,
     presses: u8,
@@ -127,5 +128,17 @@ impl<H: Copy> Hand<H> {
             Grip::Absent => None,
             Grip::Open(contact) | Grip::Held(contact, _) | Grip::Spent(contact) => Some(contact),
         }
+    }
+}
+
+impl<H: Encode + Decode<()> + 'static> Remember for Hand<H> {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            timeout: _,
+            grip,
+            press,
+        } = self;
+        memory.part(grip)?;
+        memory.part(press)
     }
 }

@@ -1,8 +1,9 @@
 //! The step machine.
 
+use bincode::{Decode, Encode};
 use tandem_wire::{
-    Command, Deadman, Envelope, Node, NodeName, Numbering, Outbox, Pace, Refusal, Refusals, Session, Stamp, State,
-    StateGuard, TaskFrame, Timing, Trial, Unreadable,
+    Command, Deadman, Envelope, Malformed, Memory, Node, NodeName, Numbering, Outbox, Pace, Refusal, Refusals,
+    Remember, Session, Stamp, State, StateGuard, TaskFrame, Timing, Trial, Unreadable,
 };
 
 use crate::config::{HumanConfig, HumanSettings, KeyConfig, OperatorSettings, SourceKind};
@@ -66,7 +67,7 @@ pub struct Operator {
 }
 
 /// Whether commands still flow.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 enum Stream {
     /// The next command is due at `due`; `sent` is the deadman that the last one carried.
     Flowing { due: Stamp, sent: Deadman },
@@ -223,6 +224,35 @@ impl Operator {
     }
 }
 
+impl Remember for Operator {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            timing: _,
+            trial_label: _,
+            commands,
+            trials,
+            states,
+            refused,
+            eyes,
+            picture,
+            newest_trial,
+            source,
+            stream,
+            // What the screen shows: a restored operator says it once more.
+            status: _,
+        } = self;
+        commands.remember(memory)?;
+        trials.remember(memory)?;
+        states.remember(memory)?;
+        memory.part(refused)?;
+        eyes.remember(memory)?;
+        memory.part(picture)?;
+        memory.part(newest_trial)?;
+        source.remember(memory)?;
+        memory.part(stream)
+    }
+}
+
 impl Node for Operator {
     type Event = Event;
     type Output = Output;
@@ -250,5 +280,9 @@ impl Node for Operator {
         }
         let lost = self.picture.live().and_then(|_| self.states.deadline());
         [Some(due), lost, self.source.deadline()].into_iter().flatten().min()
+    }
+
+    fn trial(&self) -> u32 {
+        self.picture.newest().map_or(0, |seen| seen.trial)
     }
 }

@@ -12,7 +12,7 @@
 //! They come from `tandem replay --drive`, through the same journal as a keyboard's, so that a session which was driven
 //! by a recording can be executed again without it.
 
-use tandem_wire::{Malformed, Nanos, Stamp, Vec3};
+use tandem_wire::{Malformed, Memory, Nanos, Remember, Stamp, Vec3};
 
 use crate::hand::Hand;
 
@@ -98,6 +98,13 @@ impl Played {
 
     pub(crate) const fn hand_mut(&mut self) -> &mut Hand<Vec3> {
         &mut self.0
+    }
+}
+
+impl Remember for Played {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self(hand) = self;
+        hand.remember(memory)
     }
 }
 

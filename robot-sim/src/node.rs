@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use tandem_wire::{
-    Envelope, MILLISECOND, Motion, Node, Numbering, Outbox, Pace, Reason, Refusal, Scene, Session, Setpoint, Stamp,
-    State, Timing, Trial, Unreadable,
+    Envelope, MILLISECOND, Malformed, Memory, Motion, Node, Numbering, Outbox, Pace, Reason, Refusal, Remember, Scene,
+    Session, Setpoint, Stamp, State, Timing, Trial, Unreadable,
 };
 
 use crate::config::{RobotSimSettings, Surroundings, UnusableScene};
@@ -296,6 +296,37 @@ fn next_multiple(now: Stamp, period: u64) -> Stamp {
     Stamp((now.0 / period).saturating_add(1).saturating_mul(period))
 }
 
+impl Remember for RobotSim {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            timing: _,
+            surroundings: _,
+            states,
+            scenes,
+            hearing,
+            inner,
+            motion,
+            trial,
+            tick,
+            in_step,
+            next_state,
+            next_scene,
+            closed,
+        } = self;
+        states.remember(memory)?;
+        scenes.remember(memory)?;
+        hearing.remember(memory)?;
+        inner.remember(memory)?;
+        memory.part(motion)?;
+        memory.part(trial)?;
+        memory.part(tick)?;
+        memory.part(in_step)?;
+        memory.part(next_state)?;
+        memory.part(next_scene)?;
+        memory.part(closed)
+    }
+}
+
 impl Node for RobotSim {
     type Event = Event;
     type Output = Output;
@@ -323,5 +354,9 @@ impl Node for RobotSim {
     fn deadline(&self) -> Option<Stamp> {
         let streams = self.timing.pace == Pace::Real && !self.closed;
         streams.then(|| self.next_state.min(self.next_scene))
+    }
+
+    fn trial(&self) -> u32 {
+        self.trial.number
     }
 }

@@ -25,6 +25,7 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+mod again;
 mod blueprint;
 mod configuration;
 pub mod drive;
@@ -33,6 +34,7 @@ mod latency;
 mod measures;
 pub mod plan;
 mod reexecute;
+pub mod report;
 pub mod run;
 mod smoothness;
 pub mod statistics;

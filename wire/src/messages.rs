@@ -5,7 +5,9 @@ use bincode::{Decode, Encode};
 
 use crate::codec::{Envelope, Message};
 use crate::guard::Refusals;
-use crate::{Aabb, Finite, MessageId, Motion, Nanos, Pose, Seq, Session, Stamp, Topic, Vec3};
+use crate::{
+    Aabb, Finite, Malformed, Memory, MessageId, Motion, Nanos, Pose, Remember, Seq, Session, Stamp, Topic, Vec3,
+};
 
 /// Joints of the arm.
 pub const JOINTS: usize = 7;
@@ -319,7 +321,7 @@ message!(Trial, Topic::Trial, 1 << 12);
 message!(NodeInfo, Topic::Info(crate::NodeName::Operator), 1 << 24);
 
 /// Numbers the messages of one stream.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Numbering {
     session: Session,
     seq: Seq,
@@ -344,5 +346,12 @@ impl Numbering {
             },
             body,
         }
+    }
+}
+
+impl Remember for Numbering {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self { session: _, seq } = self;
+        memory.part(seq)
     }
 }
