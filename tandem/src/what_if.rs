@@ -23,7 +23,8 @@ pub(crate) struct WhatIfFlags {
     /// The session file.
     #[arg(value_name = "SESSION.mcap")]
     session: PathBuf,
-    /// The law to meet: adaptive, fixed, human, robot, or constant=W with the human's weight W [default: the session's].
+    /// The law to meet: adaptive, attentive, fixed, human, robot, or constant=W with the human's weight W [default: the
+    /// session's].
     #[arg(long, value_name = "LAW")]
     law: Option<LawChoice>,
     /// The model to meet [default: the session's].

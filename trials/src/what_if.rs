@@ -56,11 +56,12 @@ impl FromStr for LawChoice {
             "fixed" => plain(LawName::Fixed),
             "human" => plain(LawName::Human),
             "robot" => plain(LawName::Robot),
+            "attentive" => plain(LawName::Attentive),
             _ => {
                 let weight = text.strip_prefix("constant=").and_then(|weight| weight.parse().ok());
                 let weight: f64 = weight
                     .filter(|weight| (0.0..=1.0).contains(weight))
-                    .ok_or("choose adaptive, fixed, human, robot, or constant=W with W from 0 to 1")?;
+                    .ok_or("choose adaptive, attentive, fixed, human, robot, or constant=W with W from 0 to 1")?;
                 let (law, weight) = (LawName::Constant, Some(weight));
                 Ok(Self { law, weight })
             }
@@ -75,6 +76,7 @@ impl fmt::Display for LawChoice {
             (LawName::Fixed, _) => f.write_str("fixed"),
             (LawName::Human, _) => f.write_str("human"),
             (LawName::Robot, _) => f.write_str("robot"),
+            (LawName::Attentive, _) => f.write_str("attentive"),
             (LawName::Constant, weight) => write!(f, "constant={}", weight.unwrap_or(0.5)),
         }
     }
