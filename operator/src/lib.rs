@@ -12,7 +12,8 @@
 //! | sample of a recording | its velocity counts while the deadman is held; `tandem replay --drive` sends them |
 //! | wake | in real time a command every stream period; a changed deadman does not wait for it |
 //! | unreadable sample | counted |
-//! | presence | nothing: presence is not safety |
+//! | storage, presence of the recorder | the status line says whether the session is recorded |
+//! | presence | nothing else: presence is not safety |
 //! | stop | a last command with the deadman released, then silence |
 //!
 //! The first command is always released, and so is every command while there is no picture: a human who sees nothing
@@ -62,4 +63,4 @@ pub use human::{Doing, Ended, Waiting};
 pub use node::{Event, Operator, Output};
 pub use played::PlayedSample;
 pub use sight::Seen;
-pub use status::{Activity, Status};
+pub use status::{Activity, Recording, Status};

@@ -3,7 +3,7 @@
 use bincode::{Decode, Encode};
 use tandem_wire::{
     Command, Deadman, Envelope, Malformed, Memory, Node, NodeName, Numbering, Outbox, Pace, Refusal, Refusals,
-    Remember, Session, Stamp, State, StateGuard, TaskFrame, Timing, Trial, Unreadable,
+    Remember, Session, Stamp, State, StateGuard, Storage, TaskFrame, Timing, Trial, Unreadable,
 };
 
 use crate::config::{HumanConfig, HumanSettings, KeyConfig, OperatorSettings, SourceKind};
@@ -12,7 +12,7 @@ use crate::human::SimulatedHuman;
 use crate::played::{Played, PlayedSample};
 use crate::sight::{Eyes, Picture};
 use crate::source::Source;
-use crate::status::Status;
+use crate::status::{Recording, Status};
 
 /// Everything that can happen to an operator.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,9 +23,11 @@ pub enum Event {
     Device(DeviceSample),
     /// A recording that is played was sampled.
     Played(PlayedSample),
+    /// The recorder says how the session file is kept.
+    Storage(Envelope<Storage>),
     /// A sample could not be read.
     Unreadable(Unreadable),
-    /// A peer's token appeared or vanished; the operator goes by states alone.
+    /// A peer's token appeared or vanished; driving goes by states alone.
     Presence {
         /// Which peer.
         peer: NodeName,
@@ -63,6 +65,7 @@ pub struct Operator {
     newest_trial: u32,
     source: Source,
     stream: Stream,
+    recording: Recording,
     status: Option<Status>,
 }
 
@@ -109,6 +112,7 @@ impl Operator {
                 due: Stamp(0),
                 sent: Deadman::Released,
             },
+            recording: Recording::default(),
             status: None,
         }
     }
@@ -215,6 +219,7 @@ impl Operator {
             deadman: self.deadman(),
             seen: self.picture.live().copied(),
             wish: self.source.wish(),
+            recording: self.recording,
             refused: self.refused,
         };
         if self.status != Some(status) {
@@ -240,6 +245,7 @@ impl Remember for Operator {
             stream,
             // What the screen shows: a restored operator says it once more.
             status: _,
+            recording: _,
         } = self;
         commands.remember(memory)?;
         trials.remember(memory)?;
@@ -263,9 +269,11 @@ impl Node for Operator {
             Event::State(state) => self.on_state(now, &state, outbox),
             Event::Device(sample) => self.on_device(now, sample, outbox),
             Event::Played(sample) => self.source.take_played(now, sample, self.picture.live().is_some()),
+            Event::Storage(storage) => self.recording = Recording::Told(storage.body),
+            Event::Presence { peer, alive } => self.recording.hear_presence(peer, alive),
             Event::Unreadable(_) => self.refused.add(Refusal::Unreadable),
             Event::Stop => self.on_stop(now, outbox),
-            Event::Presence { .. } | Event::Wake => {}
+            Event::Wake => {}
         }
         self.flow(now, outbox);
         self.show(outbox);

@@ -8,7 +8,7 @@ use crate::played::{self, PlayedSample};
 
 impl Ports for Operator {
     const NAME: NodeName = NodeName::Operator;
-    const INPUTS: &'static [Topic] = &[Topic::State, Topic::Device];
+    const INPUTS: &'static [Topic] = &[Topic::State, Topic::Device, Topic::Storage];
     const OUTPUTS: &'static [Topic] = &[Topic::Command, Topic::Trial];
 
     fn event(input: Input<'_>) -> Event {
@@ -45,6 +45,7 @@ fn read(topic: Topic, bytes: &[u8]) -> Result<Event, Malformed> {
         Topic::State => decode(bytes).map(|state| Event::State(Box::new(state))),
         Topic::Device if bytes.first() == Some(&played::VERSION) => PlayedSample::from_bytes(bytes).map(Event::Played),
         Topic::Device => DeviceSample::from_bytes(bytes).map(Event::Device),
+        Topic::Storage => decode(bytes).map(Event::Storage),
         _ => Err(Malformed::Topic),
     }
 }
