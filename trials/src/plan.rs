@@ -41,6 +41,7 @@ pub use sections::{
 };
 
 use crate::Configuration;
+use crate::drive::DriveSettings;
 
 /// A plan that can be run, as far as its text tells.
 #[derive(Clone, Debug)]
@@ -206,7 +207,7 @@ const TRIALS_MAX: u64 = 100_000;
 
 /// The sections that conditions, contexts and the setup may give: all but those about the run as a whole.
 fn layered() -> impl Iterator<Item = &'static str> {
-    let whole = [LinkSettings::NAME, RecorderSettings::NAME];
+    let whole = [LinkSettings::NAME, RecorderSettings::NAME, DriveSettings::NAME];
     let sections = Configuration::SECTIONS.into_iter();
     sections.filter(move |section| !whole.contains(section))
 }

@@ -112,7 +112,7 @@ fn execute(
     }
 }
 
-fn models(evidence: &Evidence, recorded: &RecordedNode) -> Result<Vec<Arc<Model>>, Missing> {
+pub(crate) fn models(evidence: &Evidence, recorded: &RecordedNode) -> Result<Vec<Arc<Model>>, Missing> {
     let sha256 = recorded.model.clone();
     let bytes = sha256.as_deref().and_then(|sha256| evidence.model(sha256));
     let bytes = bytes.ok_or(Missing::Model { sha256 })?;
@@ -120,10 +120,15 @@ fn models(evidence: &Evidence, recorded: &RecordedNode) -> Result<Vec<Arc<Model>
     Ok(models.into_iter().map(Arc::new).collect())
 }
 
-fn blueprint(session: Session, recorded: &RecordedNode, models: Vec<Arc<Model>>) -> Result<Blueprint, Missing> {
+pub(crate) fn configuration(recorded: &RecordedNode) -> Result<Configuration, Missing> {
     let unreadable = |why: String| Missing::Buildable { why };
     let read = Document::parse("recorded", &recorded.config).and_then(|text| Configuration::from_document(&text));
     let mut configuration = read.map_err(|why| unreadable(why.to_string()))?;
     configuration.rates.seed = recorded.seed;
-    Blueprint::with_models(configuration, session, models).map_err(|why| unreadable(why.to_string()))
+    Ok(configuration)
+}
+
+fn blueprint(session: Session, recorded: &RecordedNode, models: Vec<Arc<Model>>) -> Result<Blueprint, Missing> {
+    let unreadable = |why: String| Missing::Buildable { why };
+    Blueprint::with_models(configuration(recorded)?, session, models).map_err(|why| unreadable(why.to_string()))
 }
