@@ -10,7 +10,8 @@
 //!     24      4  T, steps
 //!     28      4  zero
 //!     32      8  length of the payload
-//!     40      …  payload: bincode 2, little endian, fixed-width integers
+//!     40      …  payload: bincode 2, little endian, fixed-width integers; in layout 2, that of a model that is
+//!                conditioned anew, what its contexts are compared with comes last
 //!     end    32  SHA-256 of everything before
 //! ```
 //! All integers are little endian. A file is taken apart from the outside in: magic, version, length, hash, payload,
@@ -23,14 +24,17 @@ use sha2::{Digest, Sha256};
 use crate::interval::Calibration;
 use crate::model::{Facts, Model, Provenance};
 use crate::readout::Readout;
+use crate::replan::Conditions;
 use crate::reservoir::{Reservoir, StoredReservoir};
 use crate::settings::Settings;
 use crate::triangle::{StoredTriangle, Triangle};
 
 /// The first bytes of a model file.
 pub const MAGIC: [u8; 8] = *b"\x89CESN\r\n\x1a";
-/// The layout this version writes and reads.
+/// The layout of a model of one checkpoint.
 pub const VERSION: u32 = 1;
+/// The layout of a model that is conditioned anew, which programs that know only the other must not run.
+pub const REPLANNING_VERSION: u32 = 2;
 /// The largest model file; a dense reservoir of the largest size stays below it.
 pub const MAX_BYTES: usize = 256 << 20;
 const HEADER: usize = 40;
@@ -66,12 +70,12 @@ pub enum ArtefactError {
     },
     /// It was written in another layout, most likely by a later version.
     #[error(
-        "the model file has layout version {found}; this program reads only {supported}; update it, or train again"
+        "the model file has layout version {found}; this program reads up to {supported}; update it, or train again"
     )]
     Version {
         /// The file's version.
         found: u32,
-        /// The version read here.
+        /// The newest version read here.
         supported: u32,
     },
     /// It is, or says it is, larger than any model.
@@ -124,8 +128,11 @@ impl Model {
             triangle: StoredTriangle::from(&self.triangle),
             calibration: self.calibration.clone(),
         };
-        let payload = bincode::encode_to_vec(stored, encoding())
-            .expect("vectors of numbers and text always encode into growing memory");
+        let payload = match &self.conditions {
+            None => bincode::encode_to_vec(stored, encoding()),
+            Some(conditions) => bincode::encode_to_vec((stored, conditions), encoding()),
+        };
+        let payload = payload.expect("vectors of numbers and text always encode into growing memory");
         let mut bytes = Vec::with_capacity(HEADER + payload.len() + HASH);
         bytes.extend(self.header(payload.len()));
         bytes.extend(payload);
@@ -139,8 +146,14 @@ impl Model {
     /// Whenever the bytes are not exactly what [`Self::to_bytes`] writes for a usable model.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ArtefactError> {
         let content = open(bytes)?;
-        let decoded = bincode::decode_from_slice::<Stored, _>(&content[HEADER..], encoding());
-        let (stored, used) = decoded.map_err(|error| ArtefactError::Payload {
+        let payload = &content[HEADER..];
+        let decoded = if content[8..12] == REPLANNING_VERSION.to_le_bytes() {
+            bincode::decode_from_slice::<(Stored, Conditions), _>(payload, encoding())
+                .map(|((stored, conditions), used)| (stored, Some(conditions), used))
+        } else {
+            bincode::decode_from_slice::<Stored, _>(payload, encoding()).map(|(stored, used)| (stored, None, used))
+        };
+        let (stored, conditions, used) = decoded.map_err(|error| ArtefactError::Payload {
             reason: error.to_string(),
         })?;
         if used != content.len() - HEADER {
@@ -148,7 +161,7 @@ impl Model {
                 reason: "bytes are left over".to_owned(),
             });
         }
-        let model = stored.into_model()?;
+        let model = stored.into_model(conditions)?;
         if model.header(used)[..] != content[..HEADER] {
             return Err(inconsistent("the header says other shapes than the payload"));
         }
@@ -197,9 +210,14 @@ impl Model {
             self.steps(),
             0,
         ];
+        let version = if self.conditions.is_some() {
+            REPLANNING_VERSION
+        } else {
+            VERSION
+        };
         let mut header = [0; HEADER];
         header[..8].copy_from_slice(&MAGIC);
-        header[8..12].copy_from_slice(&VERSION.to_le_bytes());
+        header[8..12].copy_from_slice(&version.to_le_bytes());
         for (place, shape) in header[12..32].chunks_exact_mut(4).zip(shapes) {
             place.copy_from_slice(&u32::try_from(shape).unwrap_or(u32::MAX).to_le_bytes());
         }
@@ -238,10 +256,10 @@ fn open(bytes: &[u8]) -> Result<&[u8], ArtefactError> {
             .fold(0_u64, |number, byte| number << 8 | u64::from(*byte)))
     };
     let version = u32::try_from(number(8, 4)?).unwrap_or(u32::MAX);
-    if version != VERSION {
+    if ![VERSION, REPLANNING_VERSION].contains(&version) {
         return Err(ArtefactError::Version {
             found: version,
-            supported: VERSION,
+            supported: REPLANNING_VERSION,
         });
     }
     let payload = number(32, 8)?;
@@ -270,7 +288,7 @@ fn open(bytes: &[u8]) -> Result<&[u8], ArtefactError> {
 
 impl Stored {
     /// Builds the model, checking every shape and number that a forecast relies on.
-    fn into_model(self) -> Result<Model, ArtefactError> {
+    fn into_model(self, conditions: Option<Conditions>) -> Result<Model, ArtefactError> {
         let settings = self.settings;
         settings.check().map_err(|error| inconsistent(error.to_string()))?;
         let reservoir = Reservoir::try_from(self.reservoir).map_err(|error| inconsistent(error.to_string()))?;
@@ -289,6 +307,7 @@ impl Stored {
             "the readout holds a number that is not finite",
         )?;
         check_calibration(&self.calibration, &self.facts)?;
+        check_conditions(conditions.as_ref(), &self.facts, &settings)?;
         Ok(Model {
             settings,
             facts: self.facts,
@@ -297,6 +316,7 @@ impl Stored {
             readout,
             triangle,
             calibration: self.calibration,
+            conditions,
             hash: OnceLock::new(),
         })
     }
@@ -346,6 +366,17 @@ fn check_facts(facts: &Facts, settings: &Settings, reservoir: &Reservoir) -> Res
     require(
         counts.iter().all(|x| x.is_finite() && *x >= 0.0),
         "a fact of training is not a number from 0 up",
+    )
+}
+
+fn check_conditions(conditions: Option<&Conditions>, facts: &Facts, settings: &Settings) -> Result<(), ArtefactError> {
+    let Some(conditions) = conditions else { return Ok(()) };
+    let outputs = facts.output_columns.len();
+    require(
+        conditions.fits(settings.checkpoint_step, facts.steps, outputs)
+            && facts.context_columns.len() == outputs + 1
+            && facts.feedback.is_none(),
+        "the conditions do not fit the movement",
     )
 }
 

@@ -221,8 +221,7 @@ impl Forecaster {
                 steps,
             });
         }
-        check_context(model, context)?;
-        self.start(model, context);
+        self.start(model, context)?;
         self.forecast.resize(first_step, steps - first_step, outputs);
         for step in 0..steps {
             self.feed(model, measured, step);
@@ -238,7 +237,7 @@ impl Forecaster {
         }
     }
 
-    fn start(&mut self, model: &Model, context: &[f64]) {
+    fn start(&mut self, model: &Model, context: &[f64]) -> Result<(), ForecastError> {
         if self.state.activations().len() != model.reservoir().units() {
             self.state = model.reservoir().rest();
         }
@@ -247,8 +246,9 @@ impl Forecaster {
         self.input.resize(model.reservoir().inputs(), 0.0);
         self.before.resize(model.outputs(), 0.0);
         self.state.rest();
-        model.facts.context_scale.apply(context, &mut self.input);
+        set_context(model, context, &mut self.input)?;
         model.reservoir().hold(&mut self.state, &self.input);
+        Ok(())
     }
 
     /// Sets the fed-back half of the input: measured while there is any, the model's own after that.
@@ -302,13 +302,23 @@ impl Forecaster {
     }
 }
 
-pub(crate) fn check_context(model: &Model, context: &[f64]) -> Result<(), ForecastError> {
+/// Writes the context as the reservoir hears it to the front of `input`.
+pub(crate) fn set_context(model: &Model, context: &[f64], input: &mut [f64]) -> Result<(), ForecastError> {
     let scale = &model.facts.context_scale;
     let (found, expected) = (context.len(), scale.mean.len());
     if found != expected {
         return Err(ForecastError::ContextDimension { found, expected });
     }
-    check_reach(context, scale, model.context_columns())
+    let held = &mut input[..expected];
+    match &model.conditions {
+        None => held.copy_from_slice(context),
+        Some(conditions) => conditions.relative(context, model.period_s(), scale.half_range, held),
+    }
+    check_reach(held, scale, model.context_columns())?;
+    for (held, mean) in held.iter_mut().zip(&scale.mean) {
+        *held = (*held - mean) / scale.half_range;
+    }
+    Ok(())
 }
 
 pub(crate) fn check_output(model: &Model, row: &[f64]) -> Result<(), ForecastError> {

@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 use crate::forecast::{Forecast, ForecastError, Forecaster};
 use crate::interval::{Calibration, Interval};
 use crate::readout::Readout;
+use crate::replan::Conditions;
 use crate::reservoir::{Reservoir, State};
 use crate::scale::Scale;
 use crate::settings::{Settings, Warning};
@@ -20,6 +21,8 @@ pub struct Model {
     pub(crate) readout: Readout,
     pub(crate) triangle: Triangle,
     pub(crate) calibration: Calibration,
+    /// For a model that is conditioned anew: what its contexts are compared with.
+    pub(crate) conditions: Option<Conditions>,
     pub(crate) hash: OnceLock<[u8; 32]>,
 }
 
@@ -102,6 +105,10 @@ impl Model {
     #[must_use]
     pub fn warnings(&self) -> Vec<Warning> {
         let mut warnings = self.settings.warnings();
+        if self.conditions.is_some() {
+            // Its copies have targets of their own.
+            warnings.retain(|warning| !matches!(warning, Warning::JitterGain { .. }));
+        }
         let (low, high) = crate::evidence::LAMBDA_RANGE;
         let lambda = self.facts.lambda;
         if self.settings.ridge == crate::Ridge::Evidence && (lambda < 1.02 * low || lambda > 0.98 * high) {
@@ -176,10 +183,16 @@ impl Model {
         self.settings.checkpoint_step
     }
 
-    /// The checkpoint plane: the mean of the demonstrations' first context coordinate.
+    /// The checkpoint plane: the mean of the demonstrations' first context coordinate; of one that is conditioned anew,
+    /// of their first output at the checkpoint's step.
     #[must_use]
     pub fn checkpoint_plane(&self) -> f64 {
-        self.facts.context_scale.mean.first().copied().unwrap_or(0.0)
+        let conditioned = self.conditions.as_ref().map(|conditions| {
+            let first = self.settings.checkpoint_step * self.outputs();
+            conditions.mean_path.get(first)
+        });
+        let mean = conditioned.unwrap_or(self.facts.context_scale.mean.first());
+        mean.copied().unwrap_or(0.0)
     }
 
     /// How contexts are normalised; its mean is the centre of what the model knows.

@@ -1,6 +1,6 @@
 //! Running a model one step at a time, with its own or the measured output fed back.
 
-use crate::forecast::{ForecastError, check_context, check_output};
+use crate::forecast::{ForecastError, check_output, set_context};
 use crate::interval::Interval;
 use crate::model::Model;
 use crate::reservoir::State;
@@ -40,9 +40,8 @@ impl Stepper {
     /// # Errors
     /// When the context does not fit the model.
     pub fn new(model: &Model, context: &[f64]) -> Result<Self, ForecastError> {
-        check_context(model, context)?;
         let mut input = vec![0.0; model.reservoir().inputs()];
-        model.facts.context_scale.apply(context, &mut input);
+        set_context(model, context, &mut input)?;
         let mut state = model.reservoir().rest();
         model.reservoir().hold(&mut state, &input);
         let mean = model

@@ -17,7 +17,7 @@ use crate::settings::{IntervalKind, Settings, SettingsError};
 use crate::triangle::Triangle;
 
 /// How far from the mean context `ρ_hi` is measured, in half-ranges of the demonstrations.
-const RHO_HI_REACH: f64 = 2.0;
+pub(crate) const RHO_HI_REACH: f64 = 2.0;
 
 /// Why a model cannot be trained.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -68,6 +68,9 @@ pub enum TrainError {
     /// All contexts are the same, or too large to subtract.
     #[error("the contexts of the demonstrations do not differ; a model of one condition has nothing to interpolate")]
     ContextsDoNotVary,
+    /// State feedback in a model that is conditioned anew.
+    #[error("a model that is conditioned anew takes no fed-back outputs; leave feedback out")]
+    ReplanningWithFeedback,
     /// State feedback of an output that never moves.
     #[error("the outputs of the demonstrations do not vary, so they cannot be fed back")]
     OutputsDoNotVary,
@@ -125,7 +128,7 @@ impl Model {
     /// When the demonstrations do not fit each other, a setting is out of range, or the regression has no answer.
     pub fn train(demonstrations: &[Demonstration], settings: &Settings) -> Result<Self, TrainError> {
         let first = check(demonstrations, settings)?;
-        let reservoir = Reservoir::from_seed(&shape(first, settings), settings.seed)?;
+        let reservoir = Reservoir::from_seed(&shape(first, settings, first.context().len()), settings.seed)?;
         Self::train_with(reservoir, demonstrations, settings)
     }
 
@@ -139,7 +142,7 @@ impl Model {
         settings: &Settings,
     ) -> Result<Self, TrainError> {
         let first = check(demonstrations, settings)?;
-        let wanted = shape(first, settings);
+        let wanted = shape(first, settings, first.context().len());
         if (reservoir.units(), reservoir.inputs()) != (wanted.units, wanted.inputs) {
             let (units, inputs) = (reservoir.units(), reservoir.inputs());
             let (wanted_units, wanted_inputs) = (wanted.units, wanted.inputs);
@@ -163,28 +166,24 @@ impl Model {
         if settings.interval == IntervalKind::Robust && fit.left_out.is_none() {
             return Err(TrainError::LeaveOneOut);
         }
-        let facts = Facts {
-            context_columns: first.context_columns().to_vec(),
-            output_columns: first.output_columns().to_vec(),
-            steps: first.steps(),
-            period_s: first.period_s().unwrap_or(settings.period_s),
-            context_scale,
-            feedback,
-            lambda: fit.lambda,
-            effective_rows: fit.effective_rows,
-            edf: fit.edf,
-        };
-        Self::assemble(reservoir, fit, facts, demonstrations, settings)
+        let facts = facts(first, settings, context_scale, feedback, &fit);
+        let copies = settings.jitter.map_or(0, |jitter| jitter.copies);
+        let leverages = training_leverages(&fit.leverages, facts.steps, settings.washout, copies);
+        let provenance = Provenance::of(demonstrations);
+        let mut model = Self::assemble(reservoir, fit, facts, provenance, leverages, settings)?;
+        model.calibration.rho_hi = model.measure_rho_hi(demonstrations)?;
+        Ok(model)
     }
 
-    fn assemble(
+    /// The parts as a model, whose `ρ_hi` is still to be measured.
+    pub(crate) fn assemble(
         reservoir: Reservoir,
         fit: Fit,
         facts: Facts,
-        demonstrations: &[Demonstration],
+        provenance: Provenance,
+        training_leverages: Vec<f64>,
         settings: &Settings,
     ) -> Result<Self, TrainError> {
-        let copies = settings.jitter.map_or(0, |jitter| jitter.copies);
         let no_freedom = FitError::NoDegreesOfFreedom {
             effective_rows: fit.effective_rows,
             edf: fit.edf,
@@ -194,7 +193,7 @@ impl Model {
             kind: settings.interval,
             nu: fit.nu,
             t_quantile: Calibration::t_quantile(settings.confidence, fit.nu).ok_or(no_freedom)?,
-            training_leverages: training_leverages(&fit.leverages, facts.steps, settings.washout, copies),
+            training_leverages,
             s: fit.s,
             s_lodo: fit.left_out.map(|left_out| left_out.s),
             rho_hi: SMALLEST_RHO_HI,
@@ -204,18 +203,17 @@ impl Model {
         };
         let readout = Readout::new(facts.output_columns.len(), fit.w_out).ok_or(no_rows)?;
         let lower = &fit.factor.lower;
-        let mut model = Self {
+        Ok(Self {
             settings: settings.clone(),
             facts,
-            provenance: Provenance::of(demonstrations),
+            provenance,
             reservoir,
             readout,
             triangle: Triangle::new(lower.nrows(), |row, column| lower[(row, column)]),
             calibration,
+            conditions: None,
             hash: OnceLock::new(),
-        };
-        model.calibration.rho_hi = model.measure_rho_hi(demonstrations)?;
-        Ok(model)
+        })
     }
 
     fn measure_rho_hi(&self, demonstrations: &[Demonstration]) -> Result<f64, ForecastError> {
@@ -231,7 +229,7 @@ impl Model {
 }
 
 impl Provenance {
-    fn of(demonstrations: &[Demonstration]) -> Self {
+    pub(crate) fn of(demonstrations: &[Demonstration]) -> Self {
         let source = |d: &Demonstration| Source {
             name: d.name().to_owned(),
             sha256: d.sha256(),
@@ -241,6 +239,26 @@ impl Provenance {
             sources: demonstrations.iter().map(source).collect(),
             crate_version,
         }
+    }
+}
+
+pub(crate) fn facts(
+    first: &Demonstration,
+    settings: &Settings,
+    context_scale: Scale,
+    feedback: Option<FeedbackFacts>,
+    fit: &Fit,
+) -> Facts {
+    Facts {
+        context_columns: first.context_columns().to_vec(),
+        output_columns: first.output_columns().to_vec(),
+        steps: first.steps(),
+        period_s: first.period_s().unwrap_or(settings.period_s),
+        context_scale,
+        feedback,
+        lambda: fit.lambda,
+        effective_rows: fit.effective_rows,
+        edf: fit.edf,
     }
 }
 
@@ -262,7 +280,10 @@ impl FeedbackFacts {
     }
 }
 
-fn check<'a>(demonstrations: &'a [Demonstration], settings: &Settings) -> Result<&'a Demonstration, TrainError> {
+pub(crate) fn check<'a>(
+    demonstrations: &'a [Demonstration],
+    settings: &Settings,
+) -> Result<&'a Demonstration, TrainError> {
     settings.check()?;
     let (first, others) = match demonstrations {
         [first, others @ ..] if !others.is_empty() => (first, others),
@@ -315,8 +336,7 @@ fn check_pair(first: &Demonstration, other: &Demonstration) -> Result<(), TrainE
     Ok(())
 }
 
-fn shape(first: &Demonstration, settings: &Settings) -> Shape {
-    let contexts = first.context().len();
+pub(crate) fn shape(first: &Demonstration, settings: &Settings, contexts: usize) -> Shape {
     let mut input_gains = vec![settings.context_gain; contexts];
     if let Some(feedback) = settings.feedback {
         input_gains.resize(contexts + first.output_columns().len(), feedback.gain);
@@ -363,6 +383,7 @@ fn sequences(
                 targets,
                 weight,
                 demonstration: index,
+                from: 0,
             });
         }
     }

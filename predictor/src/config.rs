@@ -50,7 +50,9 @@ pub enum UnfitModel {
         columns: String,
     },
     /// Its context is no point in the plane.
-    #[error("the model's context has {found} numbers ({columns}); a checkpoint gives one point, x and y")]
+    #[error(
+        "the model's context has {found} numbers ({columns}); a checkpoint gives one point, x and y, and its time where the model asks for it"
+    )]
     Context {
         /// How many it has.
         found: usize,
@@ -108,7 +110,8 @@ pub(crate) fn check(model: &Model, timing: &Timing) -> Result<(), UnfitModel> {
         let (found, columns) = (outputs.len(), outputs.join(", "));
         return Err(UnfitModel::Outputs { found, columns });
     }
-    if context.len() != 2 {
+    let expected = model.context_at(0.0, &[0.0; 2]).len();
+    if context.len() != expected {
         let (found, columns) = (context.len(), context.join(", "));
         return Err(UnfitModel::Context { found, columns });
     }

@@ -171,10 +171,18 @@ impl Predictor {
         outbox: &mut Outbox<Output>,
     ) -> Option<Guidance> {
         let tool = state.body.tool.position;
-        let crossing = self.lookout.pass(self.frame.to_task(tool), ticks);
+        let here = self.frame.to_task(tool);
+        let crossing = self.lookout.pass(here, ticks);
         match (crossing, &mut self.course) {
-            (Some(crossing), _) => self.forecast(now, state.header.tick, &crossing, outbox),
-            (None, Some(course)) if state.body.motion.is_permitted() => course.advance(ticks),
+            (Some(crossing), _) => {
+                self.course = None;
+                self.forecast(now, state.header.tick, &crossing, outbox);
+            }
+            (None, Some(course)) if state.body.motion.is_permitted() => {
+                course.advance(ticks);
+                let phase = course.phase();
+                self.condition_anew(now, state.header.tick, here, phase, outbox);
+            }
             (None, _) => {}
         }
         let course = self.course.as_ref()?;
@@ -183,16 +191,49 @@ impl Predictor {
 
     /// Runs the model for a new condition. A condition that it cannot take leaves the human alone.
     fn forecast(&mut self, now: Stamp, tick: u32, crossing: &Crossing, outbox: &mut Outbox<Output>) {
-        let Some(model) = self.models.get(crossing.plane) else {
+        let Some(model) = self.models.get(crossing.plane).cloned() else {
             return;
         };
         let first = model.checkpoint_step();
-        let forecast = self.forecaster.forecast(model, &crossing.point, first).ok();
+        let context = model.context_at(first as f64, &crossing.point);
+        self.take_course(now, tick, &model, &context, first, crossing.phase, outbox);
+    }
+
+    /// Where the model in use takes another condition at any time: the tool's position now. Its forecast begins with
+    /// the step under way. Past its last condition, and when it cannot take this one, the forecast at hand stands.
+    fn condition_anew(&mut self, now: Stamp, tick: u32, here: [f64; 2], phase: f64, outbox: &mut Outbox<Output>) {
+        let model = self.lookout.last().and_then(|plane| self.models.get(plane)).cloned();
+        let Some((model, last)) = model.and_then(|model| Some((Arc::clone(&model), model.last_condition_step()?)))
+        else {
+            return;
+        };
+        if phase <= last as f64 {
+            let context = model.context_at(phase, &here);
+            // Between the checkpoint's step and the last condition's, so neither negative nor large.
+            let first = (phase as usize).max(model.checkpoint_step());
+            self.take_course(now, tick, &model, &context, first, phase, outbox);
+        }
+    }
+
+    /// Forecasts, follows that and says so; nothing changes if the model cannot take the context.
+    #[expect(clippy::too_many_arguments, reason = "a condition is where, when and of which model")]
+    fn take_course(
+        &mut self,
+        now: Stamp,
+        tick: u32,
+        model: &Model,
+        context: &[f64],
+        first: usize,
+        phase: f64,
+        outbox: &mut Outbox<Output>,
+    ) {
         let number = self.made.saturating_add(1);
-        self.course = forecast.and_then(|forecast| Course::new(number, model, forecast, &self.frame, crossing.phase));
-        if let Some(course) = &self.course {
+        let forecast = self.forecaster.forecast(model, context, first).ok();
+        let course = forecast.and_then(|forecast| Course::new(number, model, forecast, &self.frame, phase));
+        if let Some(course) = course {
             self.made = number;
-            let message = course.message(crossing, model, self.timing.period);
+            let message = course.message(context, model, self.timing.period);
+            self.course = Some(course);
             outbox.push(Output::Forecast(self.forecasts.envelope(now, tick, message)));
         }
     }
