@@ -60,6 +60,7 @@ where
         },
         await_peers: LOOP.into_iter().filter(|name| *name != N::NAME).collect(),
         impairment: blueprint.configuration().impairment.clone(),
+        queue: ShellOptions::QUEUE,
     };
     spawn(link, node, options, |_, _| {}).expect("a node starts")
 }

@@ -99,3 +99,70 @@ fn write_group<W: Write + Send>(to: &mut SerializedRowGroupWriter<'_, W>, rows: 
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use parquet::file::reader::{FileReader as _, SerializedFileReader};
+    use parquet::record::RowAccessor as _;
+
+    use super::*;
+
+    fn row(number: u64) -> Row {
+        let mut row = Row::default();
+        row.count("sequence", u64::MAX - number);
+        // The middle one knows nothing.
+        let known = number != 1;
+        row.number("age_s", known.then_some(0.1 * number as f64));
+        row.flag("is_pressed", known);
+        row.text("held_because", known.then(|| format!("reason {number}")));
+        row
+    }
+
+    #[test]
+    fn a_table_is_read_back_with_its_types_and_its_holes() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("table.parquet");
+        assert_eq!(write(&path, (0..3).map(row)).expect("a table"), 3);
+        let reader = SerializedFileReader::new(File::open(&path).expect("the table")).expect("Parquet");
+        let rows: Vec<_> = reader
+            .get_row_iter(None)
+            .expect("rows")
+            .map(|row| row.expect("a row"))
+            .collect();
+        assert_eq!(rows.len(), 3);
+        let names: Vec<_> = rows[0].get_column_iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(names, ["sequence", "age_s", "is_pressed", "held_because"]);
+        assert_eq!(rows[2].get_ulong(0).expect("a count"), u64::MAX - 2);
+        assert_eq!(
+            rows[2].get_double(1).expect("a number").to_bits(),
+            (0.1f64 * 2.0).to_bits()
+        );
+        assert!(rows[2].get_bool(2).expect("a flag"));
+        assert_eq!(rows[2].get_string(3).expect("a text"), "reason 2");
+        assert!(
+            rows[1].get_double(1).is_err() && rows[1].get_string(3).is_err(),
+            "what is missing is no value"
+        );
+        assert!(!rows[1].get_bool(2).expect("a flag"));
+    }
+
+    #[test]
+    fn more_rows_than_a_group_holds_are_all_there() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("table.parquet");
+        let count = GROUP as u64 + 1;
+        assert_eq!(write(&path, (0..count).map(row)).expect("a table"), count);
+        let reader = SerializedFileReader::new(File::open(&path).expect("the table")).expect("Parquet");
+        assert_eq!(reader.metadata().num_row_groups(), 2);
+        assert_eq!(reader.metadata().file_metadata().num_rows().cast_unsigned(), count);
+    }
+
+    #[test]
+    fn a_table_without_rows_is_a_file_that_opens() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("table.parquet");
+        assert_eq!(write(&path, std::iter::empty()).expect("a table"), 0);
+        let reader = SerializedFileReader::new(File::open(&path).expect("the table")).expect("Parquet");
+        assert_eq!(reader.metadata().file_metadata().num_rows(), 0);
+    }
+}
