@@ -41,6 +41,7 @@ mod reader;
 mod session_file;
 mod sinks;
 mod tally;
+mod urdf;
 mod view;
 
 pub use config::{BadSettings, Live, RecorderConfig, RecorderSettings, ViewTarget};
@@ -53,4 +54,5 @@ pub use reader::{
 pub use session_file::{JOURNAL_ENCODING, Provenance, SessionFile, WriteError};
 pub use sinks::{Closed, Drops, Ended, Notice, OpenError, Sinks};
 pub use tally::{Counts, JournalCount, StreamCount};
+pub use urdf::{Urdf, UrdfError};
 pub use view::{Drawing, Moment, View};

@@ -20,6 +20,10 @@ pub(super) fn draw(bodies: &[Body], state: &State, sheet: &mut Sheet<'_>) {
         "world/arm",
         &capsules.with_colors(colours).with_fill_mode(FillMode::Solid),
     );
+}
+
+/// The tip of the tool, which neither shapes nor meshes show.
+pub(super) fn draw_tool(state: &State, sheet: &mut Sheet<'_>) {
     let tip = xyz(state.tool.position);
     let dot = rerun::Points3D::new([tip])
         .with_radii([0.007])

@@ -4,17 +4,20 @@
 
 use rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg};
 use rerun::external::re_sdk_types::blueprint::archetypes::{
-    ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend, ScalarAxis, SpatialInformation,
-    TextLogColumns, TimeAxis, TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint, VisualBounds2D,
+    Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend, ScalarAxis,
+    SpatialInformation, TextLogColumns, TimeAxis, TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint,
+    VisualBounds2D,
 };
 use rerun::external::re_sdk_types::blueprint::components::{
-    ContainerKind, Corner2D, Eye3DKind, GridSpacing, PanelState, PlayState, ViewClass, VisualBounds2D as Bounds,
+    BackgroundKind, ContainerKind, Corner2D, Eye3DKind, GridSpacing, PanelState, PlayState, ViewClass,
+    VisualBounds2D as Bounds,
 };
 use rerun::external::re_sdk_types::blueprint::datatypes::{TextLogColumn, TextLogColumnKind, TimelineColumn};
 use rerun::external::re_sdk_types::datatypes::{Range2D, TimeRange, TimeRangeBoundary, Uuid};
 use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, RecordingStreamResult};
 
 use super::colours;
+use crate::config::Purpose;
 
 /// The timeline of control periods.
 pub(crate) const TICK: &str = "tick";
@@ -29,7 +32,7 @@ const PLAN_ACROSS: [f64; 2] = [-0.34, 0.34];
 const PLAN_DOWN: [f64; 2] = [0.29, 0.63];
 
 /// Makes this the layout of `recording`, in whatever it streams to.
-pub(crate) fn send(recording: &RecordingStream) -> RecordingStreamResult<()> {
+pub(crate) fn send(recording: &RecordingStream, purpose: Purpose) -> RecordingStreamResult<()> {
     let Some(info) = recording.store_info() else {
         return Ok(());
     };
@@ -38,6 +41,7 @@ pub(crate) fn send(recording: &RecordingStream) -> RecordingStreamResult<()> {
     blueprint.set_time_sequence("blueprint", 0);
     Sketch {
         blueprint: &blueprint,
+        purpose,
         made: 0,
     }
     .draw()?;
@@ -58,6 +62,7 @@ pub(crate) fn send(recording: &RecordingStream) -> RecordingStreamResult<()> {
 /// A layout being drawn; views and containers are numbered as they are made.
 struct Sketch<'a> {
     blueprint: &'a RecordingStream,
+    purpose: Purpose,
     made: u16,
 }
 
@@ -103,8 +108,12 @@ impl Sketch<'_> {
         let hidden = PanelBlueprint::new().with_state(PanelState::Collapsed);
         self.blueprint.log("blueprint_panel", &hidden)?;
         self.blueprint.log("selection_panel", &hidden)?;
+        let state = match self.purpose {
+            Purpose::Live => PanelState::Collapsed,
+            Purpose::Replay => PanelState::Expanded,
+        };
         let time = TimePanelBlueprint::new()
-            .with_state(PanelState::Collapsed)
+            .with_state(state)
             .with_timeline(TRIAL_TIME)
             .with_play_state(PlayState::Following);
         self.blueprint.log("time_panel", &time)
@@ -129,6 +138,7 @@ impl Sketch<'_> {
         let grid = LineGrid3D::new()
             .with_spacing(GridSpacing(0.1.into()))
             .with_color(colours::WORKSPACE);
+        let background = Background::new(BackgroundKind::SolidColor).with_color(colours::BACKGROUND);
         let information = SpatialInformation::new("tf#/world").with_show_axes(false);
         self.view(&ViewSpec {
             class: "3D",
@@ -138,6 +148,7 @@ impl Sketch<'_> {
             properties: &[
                 ("EyeControls3D", &eye),
                 ("LineGrid3D", &grid),
+                ("Background", &background),
                 ("SpatialInformation", &information),
             ],
         })
@@ -168,10 +179,14 @@ impl Sketch<'_> {
             properties: &[],
         };
         let levels = Some([-0.6, 3.6]);
-        let tabs = [
+        let mut tabs = [
             self.plot("Who drives", "plots/driver", levels, 1.0)?,
             self.view(&lanes)?,
         ];
+        if self.purpose == Purpose::Replay {
+            // What is over has its whole range when the view opens.
+            tabs.reverse();
+        }
         self.container(ContainerKind::Tabs, "Who drives", &tabs, share)
     }
 
