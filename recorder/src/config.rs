@@ -140,12 +140,12 @@ impl RecorderConfig {
 pub(crate) enum Purpose {
     /// Something that goes on: the newest is what counts.
     Live,
-    /// Something that is over: where in it one is, and where one could go, count as well.
+    /// Something that is over: who drove when, and why it stopped, is seen at once.
     Replay,
 }
 
 impl RecorderConfig {
-    /// The same for a session that is over: its layout has the controls of time open, and the lanes in front.
+    /// The same for a session that is over: its layout has the lanes of driver, reason and trial in front.
     #[must_use]
     pub fn for_replay(self) -> Self {
         Self {

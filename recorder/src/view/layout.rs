@@ -83,7 +83,12 @@ struct ViewSpec<'a> {
 
 impl Sketch<'_> {
     fn draw(mut self) -> RecordingStreamResult<()> {
-        let left = [self.now(0.75)?, self.world(5.6)?, self.lanes(1.7)?, self.log(1.9)?];
+        // The lanes need more height than the plot that stands in front of them live.
+        let (lanes, log) = match self.purpose {
+            Purpose::Live => (1.7, 2.5),
+            Purpose::Replay => (2.6, 2.2),
+        };
+        let left = [self.now(0.75)?, self.world(5.0)?, self.lanes(lanes)?, self.log(log)?];
         let left = self.container(ContainerKind::Vertical, "who drives", &left, 1.25)?;
         let right = [
             self.plan(4.2)?,
@@ -108,12 +113,8 @@ impl Sketch<'_> {
         let hidden = PanelBlueprint::new().with_state(PanelState::Collapsed);
         self.blueprint.log("blueprint_panel", &hidden)?;
         self.blueprint.log("selection_panel", &hidden)?;
-        let state = match self.purpose {
-            Purpose::Live => PanelState::Collapsed,
-            Purpose::Replay => PanelState::Expanded,
-        };
         let time = TimePanelBlueprint::new()
-            .with_state(state)
+            .with_state(PanelState::Collapsed)
             .with_timeline(TRIAL_TIME)
             .with_play_state(PlayState::Following);
         self.blueprint.log("time_panel", &time)
