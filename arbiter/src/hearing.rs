@@ -4,9 +4,10 @@
 //! listened to, and in order. What was admitted serves until the next message of its stream, or until the stream is
 //! lost. All ages are by the arbiter's own clock.
 
+use bincode::{Decode, Encode};
 use tandem_wire::{
-    Command, Echoes, Envelope, Guard, Guidance, Header, MessageId, Nanos, Pace, Proposal, Reason, Refusal, Refusals,
-    Session, Stamp, State, StateGuard, Timing, Used, Vec3,
+    Command, Echoes, Envelope, Guard, Guidance, Header, Malformed, Memory, MessageId, Nanos, Pace, Proposal, Reason,
+    Refusal, Refusals, Remember, Session, Stamp, State, StateGuard, Timing, Used, Vec3,
 };
 
 /// The three streams.
@@ -28,7 +29,7 @@ pub(crate) struct Hearing {
 }
 
 /// A message that serves until the next one of its stream.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Encode, Decode)]
 pub(crate) struct Heard<M> {
     pub(crate) header: Header,
     pub(crate) body: M,
@@ -36,13 +37,14 @@ pub(crate) struct Heard<M> {
 }
 
 /// What the newest state told.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Encode, Decode)]
 pub(crate) struct Robot {
     pub(crate) id: MessageId,
     pub(crate) tick: u32,
     /// Where the tool's tip is.
     pub(crate) tool: Vec3,
-    trial: (u32, u32),
+    /// Number and first tick.
+    pub(crate) trial: (u32, u32),
     /// The first state seen in this trial: guidance that answers an earlier one belongs to the trial before.
     trial_since: MessageId,
 }
@@ -212,6 +214,34 @@ impl Hearing {
 
 /// Besides those that are due by the clock, so many states may be overtaken: a burst after a hiccup, a trial's first.
 const OVERTAKEN: u64 = 5;
+
+impl Remember for Hearing {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            pace: _,
+            loop_age_limit: _,
+            stream_period: _,
+            states,
+            commands,
+            proposals,
+            echoes,
+            robot,
+            command,
+            proposal,
+            too_old,
+            refused,
+        } = self;
+        states.remember(memory)?;
+        commands.remember(memory)?;
+        proposals.remember(memory)?;
+        echoes.remember(memory)?;
+        memory.part(robot)?;
+        memory.part(command)?;
+        memory.part(proposal)?;
+        memory.part(too_old)?;
+        memory.part(refused)
+    }
+}
 
 impl<M: Copy> Heard<M> {
     fn new(now: Stamp, message: &Envelope<M>) -> Self {

@@ -11,7 +11,8 @@
 //!
 //! The two counts let a lost sample hide nothing, and a repeated one do nothing twice.
 
-use tandem_wire::{Deadman, Malformed, Nanos, Stamp, Vec3};
+use bincode::{Decode, Encode};
+use tandem_wire::{Deadman, Malformed, Memory, Nanos, Remember, Stamp, Vec3};
 
 use crate::config::KeyConfig;
 
@@ -21,7 +22,7 @@ const VERSION: u8 = 1;
 const SAMPLE_BYTES: usize = 4;
 
 /// Which keys are down.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Encode, Decode)]
 pub struct Keys(u8);
 
 impl Keys {
@@ -120,7 +121,7 @@ impl DeviceSample {
 /// ```
 ///
 /// Keys that are already down when we first look are `Spent`: they must go up before they count.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 enum Grip {
     Absent,
     Open(Contact),
@@ -129,7 +130,7 @@ enum Grip {
 }
 
 /// The newest sample's arrival and counts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 struct Contact {
     arrived: Stamp,
     presses: u8,
@@ -238,6 +239,14 @@ impl Keyboard {
             Grip::Absent => None,
             Grip::Open(contact) | Grip::Held(contact, _) | Grip::Spent(contact) => Some(contact),
         }
+    }
+}
+
+impl Remember for Keyboard {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self { config: _, grip, press } = self;
+        memory.part(grip)?;
+        memory.part(press)
     }
 }
 

@@ -1,8 +1,9 @@
 //! The step machine.
 
+use bincode::{Decode, Encode};
 use tandem_wire::{
-    Command, Deadman, Envelope, Node, NodeName, Numbering, Outbox, Pace, Refusal, Refusals, Session, Stamp, State,
-    StateGuard, TaskFrame, Timing, Trial, Unreadable,
+    Command, Deadman, Envelope, Malformed, Memory, Node, NodeName, Numbering, Outbox, Pace, Refusal, Refusals,
+    Remember, Session, Stamp, State, StateGuard, TaskFrame, Timing, Trial, Unreadable,
 };
 
 use crate::config::{HumanConfig, HumanSettings, KeyConfig, OperatorSettings, SourceKind};
@@ -63,7 +64,7 @@ pub struct Operator {
 }
 
 /// Whether commands still flow.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 enum Stream {
     /// The next command is due at `due`; `sent` is the deadman that the last one carried.
     Flowing { due: Stamp, sent: Deadman },
@@ -91,7 +92,7 @@ impl Operator {
         };
         Self {
             timing,
-            trial_label: settings.trial_label.clone(),
+            trial_label: settings.trial_label.as_str().to_owned(),
             commands: Numbering::new(session),
             trials: Numbering::new(session),
             states: StateGuard::new(&timing),
@@ -209,12 +210,42 @@ impl Operator {
             activity: self.source.activity(),
             deadman: self.deadman(),
             seen: self.picture.live().copied(),
+            wish: self.source.wish(),
             refused: self.refused,
         };
         if self.status != Some(status) {
             self.status = Some(status);
             outbox.push(Output::Status(status));
         }
+    }
+}
+
+impl Remember for Operator {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            timing: _,
+            trial_label: _,
+            commands,
+            trials,
+            states,
+            refused,
+            eyes,
+            picture,
+            newest_trial,
+            source,
+            stream,
+            // What the screen shows: a restored operator says it once more.
+            status: _,
+        } = self;
+        commands.remember(memory)?;
+        trials.remember(memory)?;
+        states.remember(memory)?;
+        memory.part(refused)?;
+        eyes.remember(memory)?;
+        memory.part(picture)?;
+        memory.part(newest_trial)?;
+        source.remember(memory)?;
+        memory.part(stream)
     }
 }
 
@@ -244,5 +275,9 @@ impl Node for Operator {
         }
         let lost = self.picture.live().and_then(|_| self.states.deadline());
         [Some(due), lost, self.source.deadline()].into_iter().flatten().min()
+    }
+
+    fn trial(&self) -> u32 {
+        self.picture.newest().map_or(0, |seen| seen.trial)
     }
 }

@@ -1,9 +1,12 @@
 //! What the operator sees of the robot: the newest state, read for whoever steers.
 
-use tandem_wire::{Envelope, Header, MessageId, Motion, Seq, Session, State, TaskFrame, Vec3};
+use bincode::{Decode, Encode};
+use tandem_wire::{
+    Envelope, Header, Malformed, Memory, MessageId, Motion, Remember, Seq, Session, State, TaskFrame, Vec3,
+};
 
 /// The newest state, as far as the operator cares.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct Seen {
     /// Which state.
     pub id: MessageId,
@@ -29,7 +32,7 @@ pub struct Seen {
 ///                  ▲                      │
 ///                  └──────── state ───────┘
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub(crate) enum Picture {
     Never,
     Live(Seen),
@@ -65,6 +68,8 @@ pub(crate) struct Sight {
     pub(crate) new_robot: bool,
     /// The running trial.
     pub(crate) trial: u32,
+    /// The control period in which it began: another sender may begin one of the same number.
+    pub(crate) trial_start: u32,
     /// Where the tool is, in task coordinates.
     pub(crate) tool: [f64; 2],
     /// Whether the robot moves, and if not, why.
@@ -125,6 +130,7 @@ impl Eyes {
             passed,
             new_robot,
             trial: body.trial,
+            trial_start: body.trial_start,
             tool: self.frame.to_task(seen.tool),
             motion: body.motion,
             guide: self.guide(header, body),
@@ -154,6 +160,19 @@ impl Eyes {
                 guidance.velocity.dot(self.frame.y_axis),
             ],
         })
+    }
+}
+
+impl Remember for Eyes {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            frame: _,
+            session,
+            ticks: Ticks { first },
+        } = self;
+        memory.part(session)?;
+        memory.part(first)?;
+        memory.check(first.len() <= REMEMBERED)
     }
 }
 

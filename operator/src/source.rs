@@ -1,6 +1,6 @@
 //! Where motion comes from.
 
-use tandem_wire::{Deadman, Stamp, Vec3};
+use tandem_wire::{Deadman, Malformed, Memory, Remember, Stamp, Vec3};
 
 use crate::config::MAX_SPEED;
 use crate::device::{DeviceSample, Keyboard};
@@ -75,11 +75,28 @@ impl Source {
         }
     }
 
+    /// Where it wishes the tool to be, if that can be known.
+    pub(crate) fn wish(&self) -> Option<Vec3> {
+        match self {
+            Self::Simulated(human) => human.wish(),
+            Self::Device(_) => None,
+        }
+    }
+
     /// What it is doing.
     pub(crate) fn activity(&self) -> Activity {
         match self {
             Self::Simulated(human) => Activity::Simulated(human.doing()),
             Self::Device(keyboard) => Activity::Keyboard(keyboard.handling()),
+        }
+    }
+}
+
+impl Remember for Source {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        match self {
+            Self::Simulated(human) => human.remember(memory),
+            Self::Device(keyboard) => keyboard.remember(memory),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use tandem_wire::{Deadman, Refusals};
+use tandem_wire::{Deadman, Refusals, Vec3};
 
 use crate::device::Handling;
 use crate::human::{Doing, Ended, Waiting};
@@ -26,6 +26,8 @@ pub struct Status {
     pub deadman: Deadman,
     /// The newest state, while states keep arriving.
     pub seen: Option<Seen>,
+    /// Where a simulated human that is driving wishes the tool to be at that state, in the base frame. No message tells.
+    pub wish: Option<Vec3>,
     /// Samples dropped so far.
     pub refused: Refusals,
 }

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use tandem_wire::{
-    Envelope, MILLISECOND, Motion, Node, Numbering, Outbox, Pace, Reason, Refusal, Scene, Session, Setpoint, Stamp,
-    State, Timing, Trial, Unreadable,
+    Envelope, MILLISECOND, Malformed, Memory, Motion, Node, Numbering, Outbox, Pace, Reason, Refusal, Remember, Scene,
+    Session, Setpoint, Stamp, State, Timing, Trial, Unreadable,
 };
 
 use crate::config::{RobotSimSettings, Surroundings, UnusableScene};
@@ -77,15 +77,21 @@ impl RobotSim {
     /// When settings that are each in range cannot be used together, or the start cannot be reached.
     pub fn new(session: Session, timing: Timing, settings: &RobotSimSettings) -> Result<Self, UnusableScene> {
         let surroundings = settings.surroundings(&timing)?;
+        let mut inner = Inner::standing(surroundings.start, &surroundings.scene.obstacles);
+        let tick = match timing.pace {
+            Pace::Lockstep => timing.first_tick,
+            Pace::Real => 0,
+        };
+        inner.skip_to(Stamp::of_tick(tick, timing.period).0 / MILLISECOND);
         Ok(Self {
             timing,
             states: Numbering::new(session),
             scenes: Numbering::new(session),
             hearing: Hearing::new(&timing),
-            inner: Inner::standing(surroundings.start, &surroundings.scene.obstacles),
+            inner,
             motion: Motion::Held(Reason::NoSetpointYet),
             trial: Running::default(),
-            tick: 0,
+            tick,
             in_step: false,
             next_state: Stamp(0),
             next_scene: Stamp(0),
@@ -290,6 +296,37 @@ fn next_multiple(now: Stamp, period: u64) -> Stamp {
     Stamp((now.0 / period).saturating_add(1).saturating_mul(period))
 }
 
+impl Remember for RobotSim {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            timing: _,
+            surroundings: _,
+            states,
+            scenes,
+            hearing,
+            inner,
+            motion,
+            trial,
+            tick,
+            in_step,
+            next_state,
+            next_scene,
+            closed,
+        } = self;
+        states.remember(memory)?;
+        scenes.remember(memory)?;
+        hearing.remember(memory)?;
+        inner.remember(memory)?;
+        memory.part(motion)?;
+        memory.part(trial)?;
+        memory.part(tick)?;
+        memory.part(in_step)?;
+        memory.part(next_state)?;
+        memory.part(next_scene)?;
+        memory.part(closed)
+    }
+}
+
 impl Node for RobotSim {
     type Event = Event;
     type Output = Output;
@@ -317,5 +354,9 @@ impl Node for RobotSim {
     fn deadline(&self) -> Option<Stamp> {
         let streams = self.timing.pace == Pace::Real && !self.closed;
         streams.then(|| self.next_state.min(self.next_scene))
+    }
+
+    fn trial(&self) -> u32 {
+        self.trial.number
     }
 }

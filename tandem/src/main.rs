@@ -10,9 +10,11 @@ mod replay;
 mod session;
 mod shipped;
 mod summary;
+mod sweep;
 mod table;
 mod train;
 mod trial;
+mod trial_report;
 mod verify;
 
 use std::process::ExitCode;
@@ -58,11 +60,24 @@ enum Subcommands {
     Train(train::TrainFlags),
     /// Prints a model's forecast for a context.
     Forecast(forecast::ForecastFlags),
+    /// Experiments: many trials.
+    Trial {
+        #[command(subcommand)]
+        command: TrialCommands,
+    },
     /// Works with the configuration.
     Config {
         #[command(subcommand)]
         command: ConfigCommands,
     },
+}
+
+#[derive(Subcommand)]
+enum TrialCommands {
+    /// Evaluates a run: figures per condition, tests between them, and a page with every trial.
+    Report(trial_report::ReportFlags),
+    /// Runs simulated trials under virtual time: humans × departures × laws × seeds × contexts.
+    Sweep(sweep::SweepFlags),
 }
 
 #[derive(Subcommand)]
@@ -93,8 +108,14 @@ fn main() -> ExitCode {
         Subcommands::Recorder(flags) => nodes::recorder(&flags),
         Subcommands::Replay(flags) => replay::run(&flags),
         Subcommands::Session { command } => session::run(&command),
+        Subcommands::Trial {
+            command: TrialCommands::Report(flags),
+        } => trial_report::run(&flags),
         Subcommands::Train(flags) => train::run(&flags),
         Subcommands::Forecast(flags) => forecast::run(&flags),
+        Subcommands::Trial {
+            command: TrialCommands::Sweep(flags),
+        } => sweep::run(&flags),
         Subcommands::Config {
             command: ConfigCommands::Show(flags),
         } => configuration::print(&flags),
@@ -106,6 +127,7 @@ fn main() -> ExitCode {
         Err(error) => {
             eprintln!("tandem: {error:#}");
             let bad_usage = error.is::<configuration::BadConfiguration>()
+                || error.is::<trial_report::BadRequest>()
                 || error.downcast_ref::<LinkError>().is_some_and(LinkError::is_bad_usage);
             ExitCode::from(if bad_usage { 2 } else { 1 })
         }

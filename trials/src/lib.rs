@@ -10,6 +10,9 @@
 //!
 //! [`World`] runs a trial of these nodes under virtual time, in one thread and without a network.
 //!
+//! [`sweep`] runs the same trials under many laws, on all cores.
+//! [`Plan`](plan::Plan) is an experiment as it was written down, [`run`] the folder that holds what became of it.
+//!
 //! The crate refuses to know flags, terminals and exit codes: those belong to the command line. It reads no clock.
 //!
 //! Start reading at [`Blueprint`], then `reexecute.rs`.
@@ -17,14 +20,19 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+mod again;
 mod blueprint;
 mod configuration;
 mod fields;
 mod latency;
 mod measures;
+pub mod plan;
 mod reexecute;
+pub mod report;
+pub mod run;
 mod smoothness;
 pub mod statistics;
+pub mod sweep;
 pub mod trace;
 mod tracer;
 mod verdict;

@@ -17,6 +17,7 @@ mod geometry;
 pub mod guard;
 mod journal;
 pub mod keys;
+mod memory;
 pub mod messages;
 mod node;
 mod reason;
@@ -29,6 +30,7 @@ pub use geometry::{Aabb, Finite, Pose, Vec3};
 pub use guard::{Echoes, Guard, Rearm, Refusal, Refusals, StateGuard, stream_timeout};
 pub use journal::{Happening, JournalBatch, JournalEntry};
 pub use keys::{Delivery, NodeName, RobotName, Topic};
+pub use memory::{Memory, Remember, restore, snapshot};
 pub use messages::{
     Body, Clearance, Command, Cylinder, Deadman, Forecast, ForecastPoint, Guidance, JOINTS, LINKS, Law, Limited,
     NodeInfo, Numbering, Obeyed, Proposal, Scene, Setpoint, State, Trial, Used,

@@ -5,7 +5,9 @@ use bincode::{Decode, Encode};
 
 use crate::codec::{Envelope, Message};
 use crate::guard::Refusals;
-use crate::{Aabb, Finite, MessageId, Motion, Nanos, Pose, Seq, Session, Stamp, Topic, Vec3};
+use crate::{
+    Aabb, Finite, Malformed, Memory, MessageId, Motion, Nanos, Pose, Remember, Seq, Session, Stamp, Topic, Vec3,
+};
 
 /// Joints of the arm.
 pub const JOINTS: usize = 7;
@@ -108,6 +110,8 @@ pub enum Law {
     Robot,
     /// A constant weight of the human.
     Constant(Finite),
+    /// The human's weight follows what the hand says: how far it pushes across the robot's way.
+    Attentive,
 }
 
 /// Which limits changed the command.
@@ -317,7 +321,7 @@ message!(Trial, Topic::Trial, 1 << 12);
 message!(NodeInfo, Topic::Info(crate::NodeName::Operator), 1 << 24);
 
 /// Numbers the messages of one stream.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Numbering {
     session: Session,
     seq: Seq,
@@ -342,5 +346,12 @@ impl Numbering {
             },
             body,
         }
+    }
+}
+
+impl Remember for Numbering {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self { session: _, seq } = self;
+        memory.part(seq)
     }
 }
