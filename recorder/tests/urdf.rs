@@ -44,11 +44,11 @@ const MESH: &str = "<visual><origin xyz=\"0 0 0.05\"/><geometry>\
 fn package(folder: &Path, text: &str) -> PathBuf {
     let package = folder.join("franka_description");
     for within in ["robots", "meshes"] {
-        std::fs::create_dir_all(package.join(within)).unwrap();
+        std::fs::create_dir_all(package.join(within)).expect("a folder");
     }
-    std::fs::write(package.join("meshes/link.stl"), stl()).unwrap();
+    std::fs::write(package.join("meshes/link.stl"), stl()).expect("a file");
     let path = package.join("robots/panda.urdf");
-    std::fs::write(&path, text).unwrap();
+    std::fs::write(&path, text).expect("a file");
     path
 }
 
