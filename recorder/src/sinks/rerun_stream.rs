@@ -10,8 +10,8 @@ use rerun::sink::{FileSink, FileSinkOptions, GrpcSink, GrpcSinkConnectionState, 
 use rerun::{RecordingStream, RecordingStreamBuilder, TimePoint};
 use tandem_wire::Timing;
 
-use super::feed::Sink;
-use super::{Drops, Notice, OpenError};
+use super::feed::{Shared, Sink};
+use super::{Notice, OpenError};
 use crate::config::Purpose;
 use crate::heard::Heard;
 use crate::session_file::Provenance;
@@ -42,6 +42,7 @@ pub(super) struct StreamSink {
     batch: Duration,
     provenance: Provenance,
     purpose: Purpose,
+    shared: Arc<Shared>,
     trials: Trials,
     view: View,
     drawings: Vec<Drawing>,
@@ -85,7 +86,7 @@ impl LogSink for Outlet {
 
 impl StreamSink {
     /// An `.rrd` file, replacing one that is there. Its index, if any, is kept in memory until the end.
-    pub(super) fn save(path: &Path, has_index: bool, show: &Show) -> Result<Self, OpenError> {
+    pub(super) fn save(path: &Path, has_index: bool, show: &Show, shared: Arc<Shared>) -> Result<Self, OpenError> {
         // The SDK's own error does not tell a missing folder from a missing permission.
         File::create(path).map_err(|source| OpenError::Recording {
             path: path.to_owned(),
@@ -97,24 +98,25 @@ impl StreamSink {
         let file = FileSink::with_options(path, options).map_err(|source| OpenError::View {
             source: Box::new(source.into()),
         })?;
-        Ok(Self::new(Arc::new(file), FILE_BATCH, show))
+        Ok(Self::new(Arc::new(file), FILE_BATCH, show, shared))
     }
 
     /// A viewer's address.
-    pub(super) fn connect(url: &str, show: &Show) -> Result<Connected, Notice> {
+    pub(super) fn connect(url: &str, show: &Show, shared: Arc<Shared>) -> Result<Connected, Notice> {
         let uri = url.parse().map_err(|error| failed(&error))?;
         let grpc = Arc::new(GrpcSink::new(uri));
         let connection = Connection(Arc::clone(&grpc));
-        let sink = Self::new(grpc, LIVE_BATCH, show);
+        let sink = Self::new(grpc, LIVE_BATCH, show, shared);
         Ok(Connected { sink, connection })
     }
 
-    fn new(outlet: Arc<dyn LogSink>, batch: Duration, show: &Show) -> Self {
+    fn new(outlet: Arc<dyn LogSink>, batch: Duration, show: &Show, shared: Arc<Shared>) -> Self {
         Self {
             outlet: Outlet(outlet),
             batch,
             provenance: show.provenance.clone(),
             purpose: show.purpose,
+            shared,
             trials: Trials::default(),
             view: View::new(show.timing).with_meshes(show.meshes.clone()),
             drawings: Vec::with_capacity(64),
@@ -183,15 +185,15 @@ impl StreamSink {
 }
 
 impl Sink for StreamSink {
-    fn take(&mut self, heard: &Arc<Heard>, drops: Drops) -> Result<(), Notice> {
+    fn take(&mut self, heard: &Arc<Heard>) -> Result<bool, Notice> {
         let begins = self.trials.hear(heard);
         if begins.is_some() || self.stream.is_none() {
             self.begin_recording(begins, heard)?;
             self.view.begin_recording(heard, &mut self.drawings);
         }
-        self.view.draw(heard, drops, &mut self.drawings);
+        self.view.draw(heard, self.shared.drops_for(heard), &mut self.drawings);
         self.record_all();
-        Ok(())
+        Ok(true)
     }
 
     fn flush(&mut self) -> Result<(), Notice> {
@@ -201,8 +203,8 @@ impl Sink for StreamSink {
         }
     }
 
-    fn close(self) -> Result<(), Notice> {
-        match self.stream {
+    fn close(&mut self) -> Result<(), Notice> {
+        match &self.stream {
             Some(stream) => stream.flush_blocking().map_err(|error| failed(&error)),
             None => Ok(()),
         }
