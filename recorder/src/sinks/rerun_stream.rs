@@ -156,7 +156,8 @@ impl StreamSink {
             .map_err(|error| failed(&error))?;
         stream.set_sink(Box::new(self.outlet.clone()));
         if !std::mem::replace(&mut self.has_layout, true) {
-            layout::send(&stream, self.purpose).map_err(|error| failed(&error))?;
+            let layout = layout::Layout::Watching(self.purpose);
+            layout::send(&stream, layout).map_err(|error| failed(&error))?;
         }
         if let Some(before) = self.stream.replace(stream) {
             before.flush_async().map_err(|error| failed(&error))?;
