@@ -34,6 +34,7 @@
 mod arm;
 mod config;
 mod evidence;
+mod filling;
 mod heard;
 mod node;
 mod ports;

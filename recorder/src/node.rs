@@ -4,11 +4,12 @@ use std::mem::discriminant;
 use std::sync::Arc;
 
 use tandem_wire::{
-    Envelope, Malformed, Memory, Motion, Node, NodeName, Outbox, Pace, Reason, Remember, SECOND, Setpoint, Stamp,
-    State, Timing, Topic, Trial, Unreadable, seconds,
+    Envelope, Malformed, Memory, Motion, Node, NodeName, Outbox, Pace, Question, Reason, Remember, SECOND, Seq,
+    Setpoint, Stamp, State, Timing, Topic, Trial, Unreadable, seconds,
 };
 
-use crate::heard::{Entry, Heard, Level, Note, Sample};
+use crate::filling::Filling;
+use crate::heard::{Entry, Heard, JournalPart, Level, Note, Sample};
 use crate::tally::{Place, Tally};
 
 /// How often the counts are passed on while messages arrive.
@@ -41,13 +42,15 @@ pub enum Output {
     Write(Arc<Heard>),
     /// Draw this in the view.
     Show(Arc<Heard>),
+    /// Ask a node for what was missed of its journal.
+    Ask(Question),
 }
 
 /// The recorder.
 ///
 /// ```text
-///            first message                 Stop
-///   Silent ──────────────────▶ Hearing ────────────▶ Closed
+///            first message                 Stop                 all answered, or Stop again
+///   Silent ──────────────────▶ Hearing ────────────▶ Closing ────────────────────────────▶ Closed
 ///     ▲ │                         │                    ▲
 ///     │ └──────────────────────── │ ────── Stop ───────┘
 ///     └─ the counts, a second ────┘
@@ -58,6 +61,7 @@ pub struct Recorder {
     timing: Timing,
     phase: Phase,
     tally: Tally,
+    filling: Filling,
     /// The tick of the newest message: where a note of our own belongs.
     tick: u32,
     trial: Option<TrialSeen>,
@@ -72,7 +76,9 @@ enum Phase {
     Silent,
     /// Something was; the counts are due at this time.
     Hearing { counts_due: Stamp },
-    /// Stopped: whatever still arrives is ignored, for the file is being closed.
+    /// Stopped: the ends of the journals are asked for.
+    Closing,
+    /// Whatever still arrives is ignored, for the file is being closed.
     Closed,
 }
 
@@ -90,6 +96,7 @@ impl Recorder {
             timing,
             phase: Phase::Silent,
             tally: Tally::default(),
+            filling: Filling::default(),
             tick: 0,
             trial: None,
             arbiter: None,
@@ -100,12 +107,21 @@ impl Recorder {
 
     fn on_sample(&mut self, now: Stamp, sample: Sample, outbox: &mut Outbox<Output>) {
         let (topic, header) = (sample.topic(), *sample.header());
+        let sample = match sample {
+            // No stream has this number: it answers a question.
+            Sample::Journal(part) if header.seq == Seq(0) => return self.on_answer(now, part, outbox),
+            other => other,
+        };
         let place = self.tally.count(topic, &header);
         self.tick = header.tick;
         if let Place::AfterGap(missed) = place {
             self.on_gap(now, topic, missed, outbox);
         }
         if let Sample::Journal(part) = &sample {
+            self.filling.hear(now, part, outbox);
+            if part.entries == 0 {
+                return;
+            }
             self.tally.count_journal(part);
         }
         let notes = match (&sample, place) {
@@ -118,6 +134,19 @@ impl Recorder {
         };
         self.pass_on(now, header.tick, sample, place, outbox);
         for note in notes {
+            self.note(now, note, outbox);
+        }
+    }
+
+    /// What was asked for is kept like what came by itself; the rest is nobody's.
+    fn on_answer(&mut self, now: Stamp, part: JournalPart, outbox: &mut Outbox<Output>) {
+        let worth = self.filling.answer(now, &part, outbox);
+        if worth.take {
+            self.tally.count_journal(&part);
+            let entry = Entry::Sample(Sample::Journal(part));
+            outbox.push(Output::Write(Arc::new(self.heard(now, self.tick, entry))));
+        }
+        if let Some(note) = worth.note {
             self.note(now, note, outbox);
         }
     }
@@ -195,6 +224,7 @@ impl Recorder {
     }
 
     fn on_presence(&mut self, now: Stamp, peer: NodeName, alive: bool, outbox: &mut Outbox<Output>) {
+        self.filling.presence(peer, alive);
         let note = if alive {
             info(peer, "appeared".to_owned())
         } else {
@@ -220,7 +250,18 @@ impl Recorder {
         }
     }
 
+    /// Asks for what is missing at the journals' ends, once. Being stopped again is final.
     fn on_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        match self.phase {
+            Phase::Closing => self.finish(now, outbox),
+            _ => {
+                self.phase = Phase::Closing;
+                self.filling.close(now, outbox);
+            }
+        }
+    }
+
+    fn finish(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         self.pass_on_counts(now, outbox);
         self.phase = Phase::Closed;
     }
@@ -282,13 +323,23 @@ impl Node for Recorder {
             Event::Presence { peer, alive } => self.on_presence(now, peer, alive, outbox),
             Event::Stop => self.on_stop(now, outbox),
         }
+        self.filling.ask(now, outbox);
+        if matches!(self.phase, Phase::Closing) && self.filling.is_settled() {
+            self.finish(now, outbox);
+        }
     }
 
     fn deadline(&self) -> Option<Stamp> {
-        match self.phase {
+        let counts = match self.phase {
             Phase::Hearing { counts_due } => Some(counts_due),
-            Phase::Silent | Phase::Closed => None,
-        }
+            Phase::Closed => return None,
+            Phase::Silent | Phase::Closing => None,
+        };
+        counts.into_iter().chain(self.filling.deadline()).min()
+    }
+
+    fn lingers(&self) -> bool {
+        matches!(self.phase, Phase::Closing)
     }
 
     fn trial(&self) -> u32 {

@@ -1,6 +1,8 @@
-//! The bytes at the recorder's edge: every topic comes in, nothing goes out.
+//! The bytes at the recorder's edge: every topic comes in, nothing goes out but questions.
 
-use tandem_wire::{Envelope, Input, JournalBatch, Malformed, Message, NodeName, Ports, Topic, Unreadable, decode};
+use tandem_wire::{
+    Envelope, Input, JournalBatch, Malformed, Message, NodeName, Ports, Question, Topic, Unreadable, decode,
+};
 
 use crate::heard::{JournalPart, Sample};
 use crate::node::{Event, Output, Recorder};
@@ -41,6 +43,13 @@ impl Ports for Recorder {
 
     fn sample(_: &Output, _: &mut Vec<u8>) -> Option<Topic> {
         None
+    }
+
+    fn question(output: &Output) -> Option<Question> {
+        match output {
+            Output::Ask(question) => Some(*question),
+            Output::Write(_) | Output::Show(_) => None,
+        }
     }
 }
 

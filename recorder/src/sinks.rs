@@ -212,6 +212,8 @@ impl Sinks {
                     view.offer(Arc::clone(&heard));
                 }
             }
+            // The shell has put it.
+            Output::Ask(_) => {}
         }
     }
 

@@ -13,6 +13,8 @@ use crate::heard::JournalPart;
 /// Runs of senders that are remembered per topic. Two operators may send at once; more than four are told apart no
 /// longer, which makes their counts too high rather than the table too large.
 const RUNS: usize = 4;
+/// Journals that are counted, one for each run of a node.
+const JOURNALS: usize = 256;
 /// Gaps of a journal that are remembered, so that a part that arrives late can close its gap.
 const GAPS: usize = 64;
 
@@ -57,7 +59,7 @@ pub struct JournalCount {
     pub entries: u64,
     /// Entries that its writer lost.
     pub lost: u64,
-    /// Entries between the first and the last received ones that never came.
+    /// Entries before the last received one that never came.
     pub missed: u64,
 }
 
@@ -74,7 +76,7 @@ pub struct Counts {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tally {
     streams: BTreeMap<Topic, Stream>,
-    journals: BTreeMap<NodeName, Journal>,
+    journals: BTreeMap<(NodeName, Session), Journal>,
 }
 
 #[derive(Clone, Debug)]
@@ -92,10 +94,11 @@ struct Run {
     heard: u64,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Journal {
-    count: JournalCount,
-    session: Session,
+    entries: u64,
+    lost: u64,
+    missed: u64,
     next: u64,
     /// Half-open ranges of indices that have not come, oldest first.
     gaps: Vec<(u64, u64)>,
@@ -125,20 +128,29 @@ impl Tally {
 
     /// Counts part of a journal.
     pub(crate) fn count_journal(&mut self, part: &JournalPart) {
-        let journal = self.journals.entry(part.node).or_insert_with(|| Journal::new(part));
-        if journal.session != part.header.session {
-            journal.session = part.header.session;
-            journal.next = part.first;
-            journal.gaps.clear();
+        let run = (part.node, part.header.session);
+        if self.journals.len() < JOURNALS || self.journals.contains_key(&run) {
+            self.journals.entry(run).or_default().add(part);
         }
-        journal.add(part);
     }
 
     /// The counts now.
     pub(crate) fn counts(&self) -> Counts {
+        let mut journals: BTreeMap<NodeName, JournalCount> = BTreeMap::new();
+        for ((node, _), journal) in &self.journals {
+            let count = journals.entry(*node).or_insert(JournalCount {
+                node: *node,
+                entries: 0,
+                lost: 0,
+                missed: 0,
+            });
+            count.entries = count.entries.saturating_add(journal.entries);
+            count.lost = count.lost.saturating_add(journal.lost);
+            count.missed = count.missed.saturating_add(journal.missed);
+        }
         Counts {
             streams: self.streams.values().map(|stream| stream.count).collect(),
-            journals: self.journals.values().map(|journal| journal.count).collect(),
+            journals: journals.into_values().collect(),
         }
     }
 
@@ -211,37 +223,23 @@ impl Run {
 }
 
 impl Journal {
-    fn new(part: &JournalPart) -> Self {
-        Self {
-            count: JournalCount {
-                node: part.node,
-                entries: 0,
-                lost: 0,
-                missed: 0,
-            },
-            session: part.header.session,
-            next: part.first,
-            gaps: Vec::new(),
-        }
-    }
-
     fn add(&mut self, part: &JournalPart) {
         let end = part.first.saturating_add(part.entries);
         if part.first >= self.next {
             let missing = part.first - self.next;
             // What the writer lost has indices too, and is lost rather than on its way.
             let lost = part.lost.min(missing);
-            self.count.lost += lost;
+            self.lost = self.lost.saturating_add(lost);
             if missing > lost {
-                self.count.missed += missing - lost;
+                self.missed = self.missed.saturating_add(missing - lost);
                 self.remember_gap(self.next, part.first - lost);
             }
-            self.count.entries += part.entries;
+            self.entries = self.entries.saturating_add(part.entries);
             self.next = end;
         } else {
             let filled = self.fill(part.first, end);
-            self.count.missed = self.count.missed.saturating_sub(filled);
-            self.count.entries += filled;
+            self.missed = self.missed.saturating_sub(filled);
+            self.entries = self.entries.saturating_add(filled);
         }
     }
 
