@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, Sender, bounded};
-use tandem_wire::{Happening, JournalBatch, JournalEntry, NodeName, Numbering, Pace, Session, Stamp, Topic, encode};
+use tandem_wire::{Happening, JournalBatch, JournalEntry, NodeName, Numbering, Pace, Stamp, Topic, encode};
 use zenoh::Wait;
 use zenoh::pubsub::Publisher;
 use zenoh::query::Queryable;

@@ -82,7 +82,8 @@ proptest! {
         for (what, later) in &story {
             now = now.after(*later);
             let event = event(what, &samples);
-            if matches!(event, Event::Sample(_)) && !stopped {
+            let ended = stopped && !recorder.lingers();
+            if matches!(event, Event::Sample(_)) && !ended {
                 readable += 1;
             }
             stopped |= event == Event::Stop;
