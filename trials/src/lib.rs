@@ -28,6 +28,7 @@ mod latency;
 mod measures;
 pub mod plan;
 mod reexecute;
+pub mod report;
 pub mod run;
 mod smoothness;
 pub mod statistics;
