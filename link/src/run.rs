@@ -15,6 +15,7 @@ use zenoh::pubsub::Publisher;
 use crate::Clock;
 use crate::answer::Asker;
 use crate::declared::{Declared, Entrance};
+use crate::impairment::Impairment;
 use crate::journal::Journal;
 use crate::net::{Link, LinkError};
 use crate::running::{Item, Report, Running, ShellOptions};
@@ -71,6 +72,7 @@ where
     let declared = Declared::new::<N>(link, &entrance, &options)?;
     let shell = Shell {
         node,
+        line: Impairment::new(options.impairment.clone(), N::NAME, options.timing),
         options,
         local,
         publishers,
@@ -105,6 +107,8 @@ where
 enum Next {
     /// Takes up an input.
     Item(Item),
+    /// Takes up a sample that the line had kept back.
+    Released(Item),
     /// Wakes the node.
     Deadline,
     /// Gives up: in lockstep nobody has said anything for [`SILENCE`].
@@ -123,6 +127,7 @@ const fn maker(topic: Topic) -> NodeName {
 
 struct Shell<N: Node, F> {
     node: N,
+    line: Impairment,
     options: ShellOptions,
     local: F,
     publishers: Vec<(Topic, Publisher<'static>)>,
@@ -163,6 +168,7 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
                 Next::Item(item) if self.is_late(&item) => self.late += 1,
                 Next::Item(item) if self.loses(&item) => {}
                 Next::Item(item) => {
+                    let Some(item) = self.let_through(item) else { continue };
                     self.note_tick(&item);
                     self.note_recorder(&item);
                     self.step(item.input());
@@ -171,6 +177,7 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
                         return self.end(None);
                     }
                 }
+                Next::Released(item) => self.step(item.input()),
                 Next::Deadline => self.step(Input::Wake),
                 Next::Silence => {
                     let awaited = self.awaited();
@@ -178,6 +185,17 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
                     return self.end(Some(awaited));
                 }
             }
+        }
+    }
+
+    /// A bad line keeps samples back before the journal sees them: what stands in it is what the node saw.
+    fn let_through(&mut self, item: Item) -> Option<Item> {
+        match item {
+            Item::Sample { topic, bytes, arrived } => {
+                let bytes = self.line.take(self.clock.now(), topic, bytes)?;
+                Some(Item::Sample { topic, bytes, arrived })
+            }
+            other => Some(other),
         }
     }
 
@@ -262,9 +280,13 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
         waiting
     }
 
-    fn next(&self, receiver: &Receiver<Item>) -> Next {
+    fn next(&mut self, receiver: &Receiver<Item>) -> Next {
+        if let Some((arrived, topic, bytes)) = self.line.due(self.clock.now()) {
+            return Next::Released(Item::Sample { topic, bytes, arrived });
+        }
+        let deadlines = [self.node.deadline(), self.line.deadline()];
         let received = match self.options.timing.pace {
-            Pace::Real => match self.node.deadline() {
+            Pace::Real => match deadlines.into_iter().flatten().min() {
                 Some(stamp) => receiver.recv_deadline(self.clock.instant(stamp)),
                 None => receiver.recv().map_err(RecvTimeoutError::from),
             },

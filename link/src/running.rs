@@ -7,6 +7,7 @@ use tandem_wire::{Input, NodeInfo, NodeName, Stamp, Timing, Topic};
 
 use crate::Clock;
 use crate::faults::Faults;
+use crate::impairment::ImpairmentSettings;
 use crate::journal::JournalReport;
 use crate::spool::SpoolOptions;
 
@@ -19,6 +20,8 @@ pub struct ShellOptions {
     pub info: NodeInfo,
     /// In lockstep: the peers that must be there before the first step.
     pub await_peers: Vec<NodeName>,
+    /// What befalls samples on their way to the node.
+    pub impairment: ImpairmentSettings,
     /// Where the journal is kept for a recorder that misses some of it.
     pub spool: SpoolOptions,
     /// What is lost on purpose.

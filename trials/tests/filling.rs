@@ -57,6 +57,7 @@ impl Stage {
                 model: model.unwrap_or_default(),
             },
             await_peers: vec![],
+            impairment: configuration.impairment.clone(),
             spool: SpoolOptions {
                 folder: self.spool.clone(),
                 limit_bytes: self.course.spool_bytes,
