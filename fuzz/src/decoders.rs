@@ -3,7 +3,8 @@
 use tandem_operator::DeviceSample;
 use tandem_wire::codec::{self, Message};
 use tandem_wire::{
-    Command, Forecast, JournalBatch, NodeInfo, Proposal, Scene, Setpoint, State, Topic, Trial, decode, encode, keys,
+    Command, Forecast, JournalBatch, NodeInfo, Proposal, Scene, Setpoint, State, Storage, Topic, Trial, decode, encode,
+    keys,
 };
 
 use crate::chance::Chance;
@@ -44,6 +45,7 @@ impl Decoders {
             Topic::Trial => self.read::<Trial>(),
             Topic::Journal(_) => self.read::<JournalBatch>(),
             Topic::Info(_) => self.read::<NodeInfo>(),
+            Topic::Storage => self.read::<Storage>(),
             Topic::Alive(_) | Topic::Device => {
                 let sample = DeviceSample::from_bytes(&self.bytes);
                 sample.is_ok_and(|sample| sample.to_bytes() == self.bytes[..])

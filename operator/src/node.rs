@@ -3,7 +3,7 @@
 use bincode::{Decode, Encode};
 use tandem_wire::{
     Command, Deadman, Envelope, Malformed, Memory, Node, NodeName, Numbering, Outbox, Pace, Refusal, Refusals,
-    Remember, Session, Stamp, State, StateGuard, TaskFrame, Timing, Trial, Unreadable,
+    Remember, Session, Stamp, State, StateGuard, Storage, TaskFrame, Timing, Trial, Unreadable,
 };
 
 use crate::config::{HumanConfig, HumanSettings, KeyConfig, OperatorSettings, SourceKind};
@@ -11,7 +11,7 @@ use crate::device::{DeviceSample, Keyboard};
 use crate::human::SimulatedHuman;
 use crate::sight::{Eyes, Picture};
 use crate::source::Source;
-use crate::status::Status;
+use crate::status::{Recording, Status};
 
 /// Everything that can happen to an operator.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,9 +20,11 @@ pub enum Event {
     State(Box<Envelope<State>>),
     /// The local device was sampled.
     Device(DeviceSample),
+    /// The recorder says how the session file is kept.
+    Storage(Envelope<Storage>),
     /// A sample could not be read.
     Unreadable(Unreadable),
-    /// A peer's token appeared or vanished; the operator goes by states alone.
+    /// A peer's token appeared or vanished; driving goes by states alone.
     Presence {
         /// Which peer.
         peer: NodeName,
@@ -60,6 +62,7 @@ pub struct Operator {
     newest_trial: u32,
     source: Source,
     stream: Stream,
+    recording: Recording,
     status: Option<Status>,
 }
 
@@ -105,6 +108,7 @@ impl Operator {
                 due: Stamp(0),
                 sent: Deadman::Released,
             },
+            recording: Recording::default(),
             status: None,
         }
     }
@@ -211,6 +215,7 @@ impl Operator {
             deadman: self.deadman(),
             seen: self.picture.live().copied(),
             wish: self.source.wish(),
+            recording: self.recording,
             refused: self.refused,
         };
         if self.status != Some(status) {
@@ -236,6 +241,7 @@ impl Remember for Operator {
             stream,
             // What the screen shows: a restored operator says it once more.
             status: _,
+            recording: _,
         } = self;
         commands.remember(memory)?;
         trials.remember(memory)?;
@@ -258,9 +264,11 @@ impl Node for Operator {
         match event {
             Event::State(state) => self.on_state(now, &state, outbox),
             Event::Device(sample) => self.on_device(now, sample, outbox),
+            Event::Storage(storage) => self.recording = Recording::Told(storage.body),
+            Event::Presence { peer, alive } => self.recording.hear_presence(peer, alive),
             Event::Unreadable(_) => self.refused.add(Refusal::Unreadable),
             Event::Stop => self.on_stop(now, outbox),
-            Event::Presence { .. } | Event::Wake => {}
+            Event::Wake => {}
         }
         self.flow(now, outbox);
         self.show(outbox);

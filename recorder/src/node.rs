@@ -4,8 +4,8 @@ use std::mem::discriminant;
 use std::sync::Arc;
 
 use tandem_wire::{
-    Envelope, Malformed, Memory, Motion, Node, NodeName, Outbox, Pace, Question, Reason, Remember, SECOND, Seq,
-    Setpoint, Stamp, State, Timing, Topic, Trial, Unreadable, seconds,
+    Condition, Envelope, Malformed, Memory, Motion, Node, NodeName, Numbering, Outbox, Pace, Question, Reason,
+    Remember, SECOND, Seq, Session, Setpoint, Stamp, State, Storage, Timing, Topic, Trial, Unreadable, seconds,
 };
 
 use crate::filling::Filling;
@@ -22,6 +22,8 @@ pub enum Event {
     Sample(Sample),
     /// Bytes arrived that are no message.
     Unreadable(Unreadable),
+    /// The shell has looked how the session file is doing.
+    Storage(Storage),
     /// The counts are due.
     Wake,
     /// A node appeared or vanished.
@@ -44,6 +46,8 @@ pub enum Output {
     Show(Arc<Heard>),
     /// Ask a node for what was missed of its journal.
     Ask(Question),
+    /// Tell the others how the session file is doing.
+    Say(Envelope<Storage>),
 }
 
 /// The recorder.
@@ -68,6 +72,8 @@ pub struct Recorder {
     arbiter: Option<Motion>,
     robot: Option<Motion>,
     in_contact: bool,
+    sayings: Numbering,
+    storage: Storage,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -102,7 +108,16 @@ impl Recorder {
             arbiter: None,
             robot: None,
             in_contact: false,
+            sayings: Numbering::new(Session(0)),
+            storage: Storage::default(),
         }
+    }
+
+    /// The same recorder, which says what it has to say in this session.
+    #[must_use]
+    pub fn in_session(mut self, session: Session) -> Self {
+        self.sayings = Numbering::new(session);
+        self
     }
 
     fn on_sample(&mut self, now: Stamp, sample: Sample, outbox: &mut Outbox<Output>) {
@@ -116,6 +131,9 @@ impl Recorder {
         self.tick = header.tick;
         if let Place::AfterGap(missed) = place {
             self.on_gap(now, topic, missed, outbox);
+        }
+        if self.timing.pace == Pace::Real && matches!(place, Place::Next | Place::AfterGap(_)) {
+            self.tally.time(now, topic, &header);
         }
         if let Sample::Journal(part) = &sample {
             self.filling.hear(now, part, outbox);
@@ -233,6 +251,15 @@ impl Recorder {
         self.note(now, note, outbox);
     }
 
+    /// Others hear of the session file when something changes, and again and again while something is wrong, so that
+    /// whoever comes late hears of it too.
+    fn on_storage(&mut self, now: Stamp, storage: Storage, outbox: &mut Outbox<Output>) {
+        let before = std::mem::replace(&mut self.storage, storage);
+        if before != storage || storage.condition != Condition::Kept {
+            outbox.push(Output::Say(self.sayings.envelope(now, self.tick, storage)));
+        }
+    }
+
     /// Remembers that the counts have changed.
     fn touch(&mut self, now: Stamp) {
         if matches!(self.phase, Phase::Silent) {
@@ -319,6 +346,7 @@ impl Node for Recorder {
                 self.touch(now);
                 self.on_unreadable(now, sample, outbox);
             }
+            Event::Storage(storage) => self.on_storage(now, storage, outbox),
             Event::Wake => {}
             Event::Presence { peer, alive } => self.on_presence(now, peer, alive, outbox),
             Event::Stop => self.on_stop(now, outbox),

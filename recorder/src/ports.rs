@@ -1,7 +1,8 @@
-//! The bytes at the recorder's edge: every topic comes in, nothing goes out but questions.
+//! The bytes at the recorder's edge: every topic comes in; out go how the session file is doing, and questions.
 
 use tandem_wire::{
-    Envelope, Input, JournalBatch, Malformed, Message, NodeName, Ports, Question, Topic, Unreadable, decode,
+    Envelope, Input, JournalBatch, Malformed, Message, NodeName, Ports, Question, Topic, Unreadable, codec, decode,
+    encode,
 };
 
 use crate::heard::{JournalPart, Sample};
@@ -26,11 +27,23 @@ impl Ports for Recorder {
         Topic::Info(NodeName::Arbiter),
         Topic::Info(NodeName::RobotSim),
         Topic::Info(NodeName::Recorder),
+        // What the shell finds when it looks at the session file; it stays in this process.
+        Topic::Device,
     ];
-    const OUTPUTS: &'static [Topic] = &[];
+    const OUTPUTS: &'static [Topic] = &[Topic::Storage];
 
     fn event(input: Input<'_>) -> Event {
         match input {
+            Input::Sample {
+                topic: Topic::Device,
+                bytes,
+            } => match codec::from_bytes(bytes) {
+                Ok(storage) => Event::Storage(storage),
+                Err(why) => Event::Unreadable(Unreadable {
+                    topic: Topic::Device,
+                    why,
+                }),
+            },
             Input::Sample { topic, bytes } => match sample(topic, bytes) {
                 Ok(sample) => Event::Sample(sample),
                 Err(why) => Event::Unreadable(Unreadable { topic, why }),
@@ -41,14 +54,23 @@ impl Ports for Recorder {
         }
     }
 
-    fn sample(_: &Output, _: &mut Vec<u8>) -> Option<Topic> {
-        None
+    fn sample(output: &Output, bytes: &mut Vec<u8>) -> Option<Topic> {
+        match output {
+            Output::Say(storage) => {
+                encode(storage, bytes);
+                Some(Topic::Storage)
+            }
+            Output::Write(_) | Output::Show(_) => {
+                bytes.clear();
+                None
+            }
+        }
     }
 
     fn question(output: &Output) -> Option<Question> {
         match output {
             Output::Ask(question) => Some(*question),
-            Output::Write(_) | Output::Show(_) => None,
+            Output::Write(_) | Output::Show(_) | Output::Say(_) => None,
         }
     }
 }
@@ -64,7 +86,7 @@ fn sample(topic: Topic, bytes: &[u8]) -> Result<Sample, Malformed> {
         Topic::Trial => Sample::Trial(decode(bytes)?),
         Topic::Journal(node) => Sample::Journal(journal_part(node, bytes)?),
         Topic::Info(node) => Sample::Info(node, decode(bytes)?),
-        Topic::Alive(_) | Topic::Device => return Err(Malformed::Topic),
+        Topic::Alive(_) | Topic::Device | Topic::Storage => return Err(Malformed::Topic),
     })
 }
 

@@ -93,6 +93,7 @@ proptest! {
                     Output::Write(heard) => written += usize::from(matches!(heard.entry, Entry::Sample(_))),
                     Output::Show(heard) => view.draw(&heard, Drops::default(), &mut drawings),
                     Output::Ask(_) => {}
+                    Output::Say(_) => {}
                 }
             }
             prop_assert!(recorder.deadline().is_none_or(|due| due > now || stopped));

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::fmt::Debug;
 
 use tandem_wire::{
-    Command, Envelope, Forecast, Message, NodeInfo, Proposal, Scene, Setpoint, State, Topic, Trial, decode,
+    Command, Envelope, Forecast, Message, NodeInfo, Proposal, Scene, Setpoint, State, Storage, Topic, Trial, decode,
 };
 
 /// Two numbers count as equal when they differ by no more than this, or by this share of the larger one.
@@ -62,6 +62,7 @@ fn print(topic: Topic, bytes: &[u8]) -> Option<String> {
         Topic::Scene => of::<Scene>(bytes),
         Topic::Trial => of::<Trial>(bytes),
         Topic::Info(_) => of::<NodeInfo>(bytes),
+        Topic::Storage => of::<Storage>(bytes),
         Topic::Journal(_) | Topic::Alive(_) | Topic::Device => None,
     }
 }

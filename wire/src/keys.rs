@@ -77,6 +77,8 @@ pub enum Topic {
     Alive(NodeName),
     /// A raw sample of an input device: stays inside the operator's process, and is journalled there.
     Device,
+    /// How well the session file is kept: [`Storage`](crate::Storage).
+    Storage,
 }
 
 /// How a topic wants to be carried.
@@ -106,6 +108,7 @@ impl Topic {
             Self::Info(node) => format!("node/{node}"),
             Self::Alive(node) => format!("alive/{node}"),
             Self::Device => "device".into(),
+            Self::Storage => "storage".into(),
         }
     }
 
@@ -121,7 +124,7 @@ impl Topic {
         match self {
             Self::Command | Self::Proposal | Self::Setpoint | Self::State | Self::Device => Delivery::Stream,
             Self::Forecast | Self::Scene | Self::Trial | Self::Info(_) | Self::Alive(_) => Delivery::Event,
-            Self::Journal(_) => Delivery::Bulk,
+            Self::Journal(_) | Self::Storage => Delivery::Bulk,
         }
     }
 
@@ -139,6 +142,7 @@ impl Topic {
             Self::Journal(_) => 8,
             Self::Info(_) => 9,
             Self::Device => 10,
+            Self::Storage => 11,
             Self::Alive(_) => 0,
         }
     }
@@ -214,6 +218,7 @@ pub fn parse(key: &str) -> Option<(RobotName, Topic)> {
         ("state", None) => Topic::State,
         ("scene", None) => Topic::Scene,
         ("trial", None) => Topic::Trial,
+        ("storage", None) => Topic::Storage,
         ("journal", Some(node)) => Topic::Journal(node_named(node)?),
         ("node", Some(node)) => Topic::Info(node_named(node)?),
         ("alive", Some(node)) => Topic::Alive(node_named(node)?),
@@ -234,7 +239,7 @@ mod tests {
     fn every_topic_is_read_back_from_its_key() {
         let robot: RobotName = "panda-1".parse().unwrap();
         let mut topics = vec![Topic::Command, Topic::Proposal, Topic::Forecast, Topic::Setpoint];
-        topics.extend([Topic::State, Topic::Scene, Topic::Trial]);
+        topics.extend([Topic::State, Topic::Scene, Topic::Trial, Topic::Storage]);
         for node in NodeName::ALL {
             topics.extend([Topic::Journal(node), Topic::Info(node), Topic::Alive(node)]);
         }

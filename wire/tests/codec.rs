@@ -73,6 +73,7 @@ fn the_layout_is_what_it_was() {
         ("trial", check(samples::trial())),
         ("journal", check(samples::journal())),
         ("info", check(samples::info())),
+        ("storage", check(samples::storage())),
     ];
     let text: String = golden.iter().map(|(name, hex)| format!("{name}\n{hex}\n\n")).collect();
     if text != include_str!("golden.txt") {
@@ -131,6 +132,7 @@ proptest! {
             let _ = decode::<Trial>(&framed);
             let _ = decode::<JournalBatch>(&framed);
             let _ = decode::<NodeInfo>(&framed);
+            let _ = decode::<Storage>(&framed);
         }
     }
 
