@@ -60,7 +60,7 @@ impl Ports for Recorder {
                 encode(storage, bytes);
                 Some(Topic::Storage)
             }
-            Output::Write(_) | Output::Show(_) => {
+            Output::Write(_) | Output::Show(_) | Output::Ask(_) => {
                 bytes.clear();
                 None
             }
