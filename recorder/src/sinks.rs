@@ -19,6 +19,7 @@ mod landmarks;
 mod program;
 mod rerun_stream;
 mod viewer;
+mod what_if;
 
 use std::fmt;
 use std::path::PathBuf;
@@ -37,6 +38,7 @@ use feed::{Feed, Shared};
 use file::FileSink;
 pub use file::part_path;
 use rerun_stream::StreamSink;
+pub use what_if::{Heading, save_what_if};
 
 /// Notices that may wait to be read; each sink makes one or two in its life.
 const NOTICES: usize = 32;

@@ -23,6 +23,7 @@ mod status;
 mod surroundings;
 mod trace;
 mod trials;
+pub(crate) mod what_if;
 mod wishes;
 
 use rerun::external::re_sdk_types::SerializedComponentBatch;
@@ -93,6 +94,8 @@ struct Lanes {
 pub(crate) struct Sheet<'a> {
     moment: Moment,
     drawings: &'a mut Vec<Drawing>,
+    /// Of two runs in one picture, which: `world/path` becomes `world/<side>/path`.
+    side: Option<&'static str>,
 }
 
 impl View {
@@ -130,7 +133,7 @@ impl View {
         self.origin = heard.session_time;
         let moment = self.moment(heard);
         if let Some(scene) = scene {
-            self.draw_scene(&scene, &mut Sheet { moment, drawings });
+            self.draw_scene(&scene, &mut Sheet::new(moment, drawings));
         }
     }
 
@@ -145,7 +148,7 @@ impl View {
     /// Draws one thing that was heard; `drops` so far go with the counts.
     pub fn draw(&mut self, heard: &Heard, drops: Drops, drawings: &mut Vec<Drawing>) {
         let moment = self.moment(heard);
-        let mut sheet = Sheet { moment, drawings };
+        let mut sheet = Sheet::new(moment, drawings);
         match &heard.entry {
             Entry::Note(note) => self.log.draw(heard.at, note, &mut sheet),
             Entry::Counts(counts) => plots::draw_counts(counts, drops, &mut sheet),
@@ -261,17 +264,35 @@ fn fixed(path: &str, what: &dyn AsComponents) -> Drawing {
     }
 }
 
-impl Sheet<'_> {
+impl<'a> Sheet<'a> {
+    const fn new(moment: Moment, drawings: &'a mut Vec<Drawing>) -> Self {
+        Self {
+            moment,
+            drawings,
+            side: None,
+        }
+    }
+
+    /// Draws an entity of this side.
     fn draw(&mut self, path: &str, what: &dyn AsComponents) {
+        let path = match (self.side, path.split_once('/')) {
+            (Some(side), Some((tree, entity))) => format!("{tree}/{side}/{entity}"),
+            _ => path.to_owned(),
+        };
+        self.put(path, what);
+    }
+
+    fn put(&mut self, path: String, what: &dyn AsComponents) {
         self.drawings.push(Drawing {
-            path: path.to_owned(),
+            path,
             moment: Some(self.moment),
             batches: what.as_serialized_batches(),
         });
     }
 
+    /// A number over time, under this very path.
     fn plot(&mut self, path: &str, value: f64) {
-        self.draw(path, &rerun::Scalars::single(value));
+        self.put(path.to_owned(), &rerun::Scalars::single(value));
     }
 }
 

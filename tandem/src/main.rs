@@ -16,6 +16,7 @@ mod train;
 mod trial;
 mod trial_report;
 mod verify;
+mod what_if;
 
 use std::process::ExitCode;
 
@@ -51,6 +52,8 @@ enum Subcommands {
     Recorder(nodes::RecorderFlags),
     /// Plays a recorded session, into Rerun or onto the network under another name.
     Replay(replay::ReplayFlags),
+    /// Lets the human of a recorded session meet another law or model.
+    WhatIf(what_if::WhatIfFlags),
     /// Works with session files.
     Session {
         #[command(subcommand)]
@@ -107,6 +110,7 @@ fn main() -> ExitCode {
         Subcommands::RobotSim(flags) => nodes::robot_sim(&flags),
         Subcommands::Recorder(flags) => nodes::recorder(&flags),
         Subcommands::Replay(flags) => replay::run(&flags),
+        Subcommands::WhatIf(flags) => what_if::run(&flags),
         Subcommands::Session { command } => session::run(&command),
         Subcommands::Trial {
             command: TrialCommands::Report(flags),

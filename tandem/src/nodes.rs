@@ -7,9 +7,9 @@ use std::str::FromStr;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use anyhow::{Context as _, bail};
+use anyhow::bail;
 use clap::{Args, ValueEnum};
-use crossbeam_channel::{Receiver, bounded, select};
+use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 use tandem_link::net::DEFAULT_ENDPOINT;
 use tandem_link::{JournalReport, Link, LinkSettings, Observer, Running, Sighting};
 use tandem_operator::{SourceKind, keyboard};
@@ -165,17 +165,11 @@ impl Process {
         let interrupted = interrupt::catch()?;
         let settings = parts.link_settings().clone();
         eprintln!("{name}: {}", describe(&settings));
-        let (sender, opened) = bounded(1);
-        // Dialling blocks until somebody answers; meanwhile Ctrl-C must still work.
-        std::thread::spawn(move || drop(sender.send(Link::open(&settings))));
-        select! {
-            recv(opened) -> link => {
-                let link = link.context("the connection attempt ended without a result")??;
-                eprintln!("{name}: ready, robot {:?}; Ctrl-C ends it", link.robot().as_str());
-                Ok(Some(Self { link, interrupted }))
-            }
-            recv(interrupted) -> _ => Ok(None),
-        }
+        let Some(link) = connect(&settings, || interrupted.try_recv().is_ok())? else {
+            return Ok(None);
+        };
+        eprintln!("{name}: ready, robot {:?}; Ctrl-C ends it", link.robot().as_str());
+        Ok(Some(Self { link, interrupted }))
     }
 
     /// Runs until Ctrl-C, or until the node ends by itself.
@@ -215,6 +209,22 @@ pub(crate) fn tell_of_journal(name: NodeName, journal: &JournalReport) {
     }
 }
 
+/// Connects, for as long as it takes; `None` if the user gave up first, as `gave_up` tells.
+pub(crate) fn connect(settings: &LinkSettings, gave_up: impl Fn() -> bool) -> anyhow::Result<Option<Link>> {
+    let (sender, opened) = bounded(1);
+    let settings = settings.clone();
+    // Dialling blocks until somebody answers; meanwhile Ctrl-C must still work.
+    std::thread::spawn(move || drop(sender.send(Link::open(&settings))));
+    loop {
+        match opened.recv_timeout(POLL) {
+            Ok(link) => return Ok(Some(link?)),
+            Err(RecvTimeoutError::Disconnected) => bail!("the connection attempt ended without a result"),
+            Err(RecvTimeoutError::Timeout) if gave_up() => return Ok(None),
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+    }
+}
+
 /// How often a process looks whether its node has ended.
 const POLL: Duration = Duration::from_millis(100);
 
@@ -237,6 +247,10 @@ pub(crate) fn operator(flags: &OperatorFlags) -> anyhow::Result<Outcome> {
         .source
         .map(|source| ("operator.source", format!("{source:?}").to_lowercase()));
     let configuration = flags.node.configuration(source.as_slice())?;
+    if configuration.operator.source == SourceKind::Replayed {
+        let why = "operator.source = \"replayed\" is what tandem replay --drive sets: use that command".to_owned();
+        return Err(BadConfiguration::Conflict(why).into());
+    }
     let keyboard = configuration.operator.source == SourceKind::Keyboard;
     if keyboard && !std::io::stdin().is_terminal() {
         bail!(keyboard::KeyboardError::NotATerminal);

@@ -8,6 +8,8 @@ use tandem_recorder::RecorderSettings;
 use tandem_robot_sim::RobotSimSettings;
 use tandem_settings::{Document, Error, Section, show};
 
+use crate::drive::DriveSettings;
+
 /// The settings of every part, each checked by itself.
 #[derive(Clone, Debug, Default)]
 pub struct Configuration {
@@ -31,6 +33,8 @@ pub struct Configuration {
     pub robot: RobotSimSettings,
     /// The recorder.
     pub recorder: RecorderSettings,
+    /// Driving along a recording.
+    pub replay: DriveSettings,
 }
 
 impl Configuration {
@@ -58,6 +62,7 @@ impl Configuration {
             arbiter: document.section()?,
             robot: document.section()?,
             recorder: document.section()?,
+            replay: document.section()?,
         };
         let own = [
             LinkSettings::NAME,
@@ -70,6 +75,7 @@ impl Configuration {
             ArbiterSettings::NAME,
             RobotSimSettings::NAME,
             RecorderSettings::NAME,
+            DriveSettings::NAME,
         ];
         document.finish(&[&own, others].concat())?;
         Ok(configuration)
@@ -89,6 +95,7 @@ impl Configuration {
             show(&self.arbiter),
             show(&self.robot),
             show(&self.recorder),
+            show(&self.replay),
         ]
         .join("\n")
     }

@@ -111,17 +111,22 @@ fn execute(
     }
 }
 
-fn model(evidence: &Evidence, recorded: &RecordedNode) -> Result<Model, Missing> {
+pub(crate) fn model(evidence: &Evidence, recorded: &RecordedNode) -> Result<Model, Missing> {
     let sha256 = recorded.model.clone();
     let bytes = sha256.as_deref().and_then(|sha256| evidence.model(sha256));
     let bytes = bytes.ok_or(Missing::Model { sha256 })?;
     Model::from_bytes(bytes).map_err(|why| Missing::Buildable { why: why.to_string() })
 }
 
-fn blueprint(session: Session, recorded: &RecordedNode, model: Option<Model>) -> Result<Blueprint, Missing> {
+pub(crate) fn configuration(recorded: &RecordedNode) -> Result<Configuration, Missing> {
     let unreadable = |why: String| Missing::Buildable { why };
     let read = Document::parse("recorded", &recorded.config).and_then(|text| Configuration::from_document(&text));
     let mut configuration = read.map_err(|why| unreadable(why.to_string()))?;
     configuration.rates.seed = recorded.seed;
-    Blueprint::new(configuration, session, model).map_err(|why| unreadable(why.to_string()))
+    Ok(configuration)
+}
+
+fn blueprint(session: Session, recorded: &RecordedNode, model: Option<Model>) -> Result<Blueprint, Missing> {
+    let unreadable = |why: String| Missing::Buildable { why };
+    Blueprint::new(configuration(recorded)?, session, model).map_err(|why| unreadable(why.to_string()))
 }

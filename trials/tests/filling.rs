@@ -160,7 +160,7 @@ fn run(name: &str, course: Course) -> Outcome {
     recorder.join().expect("no panic");
     let sinks = Arc::into_inner(sinks).expect("the recorder has ended");
     let closed = sinks.into_inner().expect("nobody panicked").close(LIMIT);
-    assert_eq!(closed.drops.session_file, 0);
+    assert_eq!(closed.drops.session_file.total(), 0);
     remote.close();
     edge.close();
     let evidence = Evidence::read(File::open(&path).expect("the file")).expect("a session");

@@ -161,7 +161,7 @@ impl StreamSink {
             .map_err(|error| failed(&error))?;
         stream.set_sink(Box::new(self.outlet.clone()));
         if !std::mem::replace(&mut self.has_layout, true) {
-            layout::send(&stream).map_err(|error| failed(&error))?;
+            layout::send(&stream, layout::Purpose::Watching).map_err(|error| failed(&error))?;
         }
         if let Some(before) = self.stream.replace(stream) {
             before.flush_async().map_err(|error| failed(&error))?;

@@ -17,6 +17,10 @@ pub(super) const TOOL: Color = opaque(250, 220, 90);
 pub(super) const FORECAST: Color = opaque(140, 210, 255);
 pub(super) const INTERVAL: Color = Color(rerun::datatypes::Rgba32::from_unmultiplied_rgba(66, 150, 250, 70));
 
+/// Of two runs in one picture: as it was, and as it would have been.
+pub(super) const ORIGINAL: Color = opaque(206, 206, 198);
+pub(super) const ALTERNATIVE: Color = opaque(240, 92, 190);
+
 const fn opaque(r: u8, g: u8, b: u8) -> Color {
     Color(rerun::datatypes::Rgba32::from_unmultiplied_rgba(r, g, b, 255))
 }

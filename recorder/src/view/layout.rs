@@ -2,6 +2,8 @@
 //!
 //! Written entity by entity, for the SDK's own builder can neither place the camera nor bound an axis.
 
+mod comparison;
+
 use rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg};
 use rerun::external::re_sdk_types::blueprint::archetypes::{
     ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend, ScalarAxis, SpatialInformation,
@@ -28,19 +30,31 @@ pub(crate) const TRIAL_TIME: &str = "trial_time";
 const PLAN_ACROSS: [f64; 2] = [-0.34, 0.34];
 const PLAN_DOWN: [f64; 2] = [0.29, 0.63];
 
+/// What the layout is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    /// One run: live, recorded or played.
+    Watching,
+    /// Two runs of the same session side by side.
+    Comparing,
+}
+
 /// Makes this the layout of `recording`, in whatever it streams to.
-pub(crate) fn send(recording: &RecordingStream) -> RecordingStreamResult<()> {
+pub(crate) fn send(recording: &RecordingStream, purpose: Purpose) -> RecordingStreamResult<()> {
     let Some(info) = recording.store_info() else {
         return Ok(());
     };
     let application = info.application_id().clone();
     let (blueprint, storage) = RecordingStreamBuilder::new(application).blueprint().memory()?;
     blueprint.set_time_sequence("blueprint", 0);
-    Sketch {
+    let sketch = Sketch {
         blueprint: &blueprint,
         made: 0,
+    };
+    match purpose {
+        Purpose::Watching => sketch.draw()?,
+        Purpose::Comparing => sketch.draw_comparison()?,
     }
-    .draw()?;
     blueprint.flush_blocking().ok();
     let messages = storage.take();
     let Some(first) = messages.first().map(LogMsg::store_id) else {
@@ -87,6 +101,11 @@ impl Sketch<'_> {
             self.margins(1.9)?,
         ];
         let right = self.container(ContainerKind::Vertical, "why", &right, 1.0)?;
+        self.finish(left, right)
+    }
+
+    /// Two columns, and the panels hidden.
+    fn finish(mut self, left: Part, right: Part) -> RecordingStreamResult<()> {
         let root = self.container(ContainerKind::Horizontal, "Tandem", &[left, right], 1.0)?;
         let root = Uuid {
             bytes: uuid_bytes(&root.path),
@@ -121,6 +140,13 @@ impl Sketch<'_> {
     }
 
     fn world(&mut self, share: f32) -> RecordingStreamResult<Part> {
+        self.world_named(
+            "Orange: human's wish. Blue: robot's wish, forecast, interval. Path: who drove",
+            share,
+        )
+    }
+
+    fn world_named(&mut self, name: &str, share: f32) -> RecordingStreamResult<Part> {
         let eye = EyeControls3D::new()
             .with_kind(Eye3DKind::Orbital)
             .with_position([1.16, -0.46, 0.72])
@@ -132,7 +158,7 @@ impl Sketch<'_> {
         let information = SpatialInformation::new("tf#/world").with_show_axes(false);
         self.view(&ViewSpec {
             class: "3D",
-            name: "Orange: human's wish. Blue: robot's wish, forecast, interval. Path: who drove",
+            name,
             origin: "world",
             share,
             properties: &[
@@ -144,13 +170,17 @@ impl Sketch<'_> {
     }
 
     fn plan(&mut self, share: f32) -> RecordingStreamResult<Part> {
+        self.plan_named("From above: path in the colour of who drove", share)
+    }
+
+    fn plan_named(&mut self, name: &str, share: f32) -> RecordingStreamResult<Part> {
         let bounds = VisualBounds2D::new(Bounds(Range2D {
             x_range: PLAN_ACROSS.into(),
             y_range: PLAN_DOWN.into(),
         }));
         self.view(&ViewSpec {
             class: "2D",
-            name: "From above: path in the colour of who drove",
+            name,
             origin: "plan",
             share,
             properties: &[("VisualBounds2D", &bounds)],
