@@ -111,6 +111,9 @@ pub(crate) struct RecorderFlags {
     /// (connect=URL), through a server that browsers come to (serve), or writes the recording there (save=PATH.rrd).
     #[arg(long, value_name = "spawn|serve|connect=URL|save=PATH", num_args = 0..=1, default_missing_value = "spawn")]
     view: Option<ViewFlag>,
+    /// Draws the arm as this URDF file describes it, with its meshes, instead of its collision shapes.
+    #[arg(long, value_name = "PATH")]
+    urdf: Option<PathBuf>,
     #[command(flatten)]
     node: NodeFlags,
 }
@@ -373,6 +376,12 @@ pub(crate) fn recorder(flags: &RecorderFlags) -> anyhow::Result<Outcome> {
         ("recorder.rrd", flags.record.with_extension("rrd").display().to_string()),
     ];
     overrides.extend(flags.view.iter().flat_map(ViewFlag::overrides));
+    overrides.extend(
+        flags
+            .urdf
+            .iter()
+            .map(|path| ("recorder.urdf", path.display().to_string())),
+    );
     let parts = Parts::new(flags.node.configuration(&overrides)?, None)?;
     let sinks = parts.sinks()?;
     let process = match Process::begin(&parts, NodeName::Recorder) {

@@ -38,6 +38,21 @@ pub struct Configuration {
 }
 
 impl Configuration {
+    /// The sections it is read from.
+    pub const SECTIONS: [&'static str; 11] = [
+        LinkSettings::NAME,
+        ImpairmentSettings::NAME,
+        LoopSettings::NAME,
+        TaskSettings::NAME,
+        OperatorSettings::NAME,
+        HumanSettings::NAME,
+        PredictorSettings::NAME,
+        ArbiterSettings::NAME,
+        RobotSimSettings::NAME,
+        RecorderSettings::NAME,
+        DriveSettings::NAME,
+    ];
+
     /// Reads every section and refuses what belongs to none.
     ///
     /// # Errors
@@ -64,20 +79,7 @@ impl Configuration {
             recorder: document.section()?,
             replay: document.section()?,
         };
-        let own = [
-            LinkSettings::NAME,
-            ImpairmentSettings::NAME,
-            LoopSettings::NAME,
-            TaskSettings::NAME,
-            OperatorSettings::NAME,
-            HumanSettings::NAME,
-            PredictorSettings::NAME,
-            ArbiterSettings::NAME,
-            RobotSimSettings::NAME,
-            RecorderSettings::NAME,
-            DriveSettings::NAME,
-        ];
-        document.finish(&[&own, others].concat())?;
+        document.finish(&[&Self::SECTIONS, others].concat())?;
         Ok(configuration)
     }
 

@@ -19,13 +19,14 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::ControlFlow;
 use std::str::FromStr;
+use std::sync::Arc;
 
 use tandem_arbiter::LawName;
 use tandem_cesn::Model;
 use tandem_recorder::{Evidence, RecordedNode, Recording, Run};
 use tandem_wire::{NodeName, Pace, Stamp, Timing, Topic, Vec3, seconds};
 
-use crate::reexecute::{configuration, model};
+use crate::reexecute::{configuration, models};
 use crate::world::{Player, Seat, World};
 use crate::{Blueprint, Configuration, Measures, Missing, Trace, Tracer, Unbuildable};
 use human::{RecordedHuman, first_state, last_word};
@@ -236,15 +237,15 @@ impl Cast {
         settings.arbiter.law = law.law;
         settings.arbiter.constant_weight = law.weight.unwrap_or(settings.arbiter.constant_weight);
         let used = match &change.model {
-            Some(other) => other.clone(),
-            None => model(evidence, predictor.1).map_err(missing(NodeName::Predictor))?,
+            Some(other) => vec![Arc::new(other.clone())],
+            None => models(evidence, predictor.1).map_err(missing(NodeName::Predictor))?,
         };
         let of_node = |node| evidence.nodes.keys().filter(|run| run.node == node).count();
         Ok(Self {
-            predictor: Blueprint::new(
+            predictor: Blueprint::with_models(
                 self::settings(NodeName::Predictor, predictor.1)?,
                 predictor.0.session,
-                Some(used),
+                used,
             )?,
             arbiter: Blueprint::new(settings, arbiter.0.session, None)?,
             robot: Blueprint::new(self::settings(NodeName::RobotSim, robot.1)?, robot.0.session, None)?,
