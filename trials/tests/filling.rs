@@ -43,8 +43,8 @@ impl Stage {
     fn options<N: Ports>(&self) -> ShellOptions {
         let configuration = self.blueprint.configuration();
         let model = match N::NAME {
-            NodeName::Predictor => self.blueprint.model().map(tandem_cesn::Model::to_bytes),
-            _ => None,
+            NodeName::Predictor => self.blueprint.model_bytes(),
+            _ => Vec::new(),
         };
         let recorder = N::NAME == NodeName::Recorder;
         ShellOptions {
@@ -54,7 +54,7 @@ impl Stage {
                 config: configuration.to_toml(),
                 seed: configuration.rates.seed,
                 build: "test".into(),
-                model: model.unwrap_or_default(),
+                model,
             },
             await_peers: vec![],
             impairment: configuration.impairment.clone(),
