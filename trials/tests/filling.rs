@@ -105,12 +105,14 @@ impl Stage {
 fn await_states(observer: &Observer, count: u32) {
     let mut seen = 0;
     while seen < count {
-        match observer.next(LIMIT).expect("states keep coming") {
+        let sighting = observer.next(LIMIT).expect("states keep coming");
+        seen += u32::from(matches!(
+            sighting,
             Sighting::Sample {
-                topic: Topic::State, ..
-            } => seen += 1,
-            _ => {}
-        }
+                topic: Topic::State,
+                ..
+            }
+        ));
     }
 }
 
