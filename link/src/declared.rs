@@ -11,7 +11,7 @@ use zenoh::sample::{Sample, SampleKind};
 use crate::Clock;
 use crate::dropped::Dropped;
 use crate::net::{Link, LinkError, QUERY_TIMEOUT, declare};
-use crate::run::{Item, ShellOptions};
+use crate::running::{Item, ShellOptions};
 
 /// Questions for a node's configuration that may wait for their answers.
 const QUERIES: usize = 16;
@@ -38,7 +38,7 @@ impl Entrance {
         }
     }
 
-    fn sample(&self, topic: Topic, sample: &Sample) {
+    pub(crate) fn sample(&self, topic: Topic, sample: &Sample) {
         let bytes = sample.payload().to_bytes().into_owned();
         let arrived = Clock::of_process().now();
         self.put(Item::Sample { topic, bytes, arrived });

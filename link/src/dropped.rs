@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use tandem_wire::Topic;
 
-use crate::run::Item;
+use crate::running::Item;
 
 /// Inputs that never reached a node because its queue was full, counted by topic; all clones count together.
 ///

@@ -261,6 +261,8 @@ impl Sinks {
                     view.offer(Arc::clone(&heard));
                 }
             }
+            // The shell has put it.
+            Output::Ask(_) => {}
             // For the network, not for a file.
             Output::Say(_) => {}
         }
@@ -273,7 +275,8 @@ impl Sinks {
             Some(_) => feed::Kind::SessionFile,
             None => feed::Kind::View,
         };
-        for (topic, number) in &so_far {
+        // What the shell itself says is for no file.
+        for (topic, number) in so_far.iter().filter(|(topic, _)| **topic != Topic::Device) {
             let before = self.never_heard.get(topic).copied().unwrap_or(0);
             self.shared.lose_before(kind, *topic, number.saturating_sub(before));
         }

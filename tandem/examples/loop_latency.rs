@@ -12,7 +12,8 @@ use std::time::{Duration, Instant};
 
 use tandem_cesn::{Demonstration, Model, Settings};
 use tandem_link::{
-    Clock, ImpairmentSettings, Link, LinkSettings, Observer, Running, ShellOptions, Sighting, fresh_session, spawn,
+    Clock, Faults, ImpairmentSettings, Link, LinkSettings, Observer, Running, ShellOptions, Sighting, SpoolOptions,
+    fresh_session, spawn,
 };
 use tandem_settings::Document;
 use tandem_trials::{Blueprint, Configuration, Quantiles, Tracer};
@@ -180,6 +181,8 @@ where
         },
         await_peers: vec![],
         impairment: ImpairmentSettings::default(),
+        spool: SpoolOptions::default(),
+        faults: Faults::default(),
         queue: ShellOptions::QUEUE,
     };
     Ok(spawn(link, node, options, |_, _| {})?)
