@@ -76,7 +76,7 @@ pub(crate) struct ReplayFlags {
     rrd: Option<PathBuf>,
     /// Drives the live robot --robot NAME along the recorded path, while somebody at this terminal holds the deadman: the
     /// path of the tool, through that robot's own arbiter and limits. A robot that stands elsewhere is first eased in or
-    /// refused; see [replay] in the configuration.
+    /// refused; see `[replay]` in the configuration.
     #[arg(long, conflicts_with_all = ["verify", "repeats", "topics", "rename", "view", "rrd"])]
     drive: bool,
     /// Prints the summary as one JSON object.
