@@ -1,24 +1,27 @@
 //! The keyboard as the node knows it: device samples in, velocity and deadman out. No terminal here.
 //!
-//! A sample says which keys are down now. It is four bytes, sent every 20 ms whether anything changed or not:
+//! A sample says which keys are down now. It is seven bytes, sent every 20 ms whether anything changed or not:
 //!
 //! | byte | meaning |
 //! | --- | --- |
-//! | 0 | version of this layout, 1 |
+//! | 0 | version of this layout, 2 |
 //! | 1 | keys down, a bit each: +x, −x, +y, −y of the task, up, down, hold |
 //! | 2 | presses so far, modulo 256: how often a first key went down |
 //! | 3 | trials asked for so far, modulo 256 |
+//! | 4 | emergency stops so far, modulo 256 |
+//! | 5 | times that the lease was given up so far, modulo 256 |
+//! | 6 | times that the lease was to be taken over so far, modulo 256 |
 //!
-//! The two counts let a lost sample hide nothing, and a repeated one do nothing twice.
+//! The counts let a lost sample hide nothing, and a repeated one do nothing twice.
 
 use tandem_wire::{Deadman, Malformed, Nanos, Stamp, Vec3};
 
 use crate::config::KeyConfig;
 
 /// The version of a sample's layout.
-const VERSION: u8 = 1;
+const VERSION: u8 = 2;
 /// The length of a sample.
-const SAMPLE_BYTES: usize = 4;
+const SAMPLE_BYTES: usize = 7;
 
 /// Which keys are down.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -80,13 +83,40 @@ pub struct DeviceSample {
     pub presses: u8,
     /// Trials asked for so far, modulo 256.
     pub requests: u8,
+    /// Emergency stops so far, modulo 256.
+    pub stops: u8,
+    /// Times that the lease was given up so far, modulo 256.
+    pub releases: u8,
+    /// Times that the lease was to be taken over so far, modulo 256.
+    pub take_overs: u8,
+}
+
+/// What a sample asks for besides motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Asked {
+    /// A new trial.
+    pub(crate) trial: bool,
+    /// An emergency stop.
+    pub(crate) stop: bool,
+    /// To give the lease up.
+    pub(crate) release: bool,
+    /// To take the lease over.
+    pub(crate) take_over: bool,
 }
 
 impl DeviceSample {
     /// The sample's bytes.
     #[must_use]
     pub const fn to_bytes(self) -> [u8; SAMPLE_BYTES] {
-        [VERSION, self.keys.0, self.presses, self.requests]
+        let Self {
+            keys,
+            presses,
+            requests,
+            stops,
+            releases,
+            take_overs,
+        } = self;
+        [VERSION, keys.0, presses, requests, stops, releases, take_overs]
     }
 
     /// Reads a sample.
@@ -95,13 +125,16 @@ impl DeviceSample {
     /// If the length, the version or the keys are not those of this layout.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, Malformed> {
         match *bytes {
-            [VERSION, keys, presses, requests] if keys & !Keys::KNOWN == 0 => Ok(Self {
+            [VERSION, keys, presses, requests, stops, releases, take_overs] if keys & !Keys::KNOWN == 0 => Ok(Self {
                 keys: Keys(keys),
                 presses,
                 requests,
+                stops,
+                releases,
+                take_overs,
             }),
-            [VERSION, _, _, _] => Err(Malformed::Body),
-            [version, _, _, _] => Err(Malformed::Version(version)),
+            [VERSION, _, _, _, _, _, _] => Err(Malformed::Body),
+            [version, _, _, _, _, _, _] => Err(Malformed::Version(version)),
             _ if bytes.len() < SAMPLE_BYTES => Err(Malformed::Truncated(bytes.len())),
             _ => Err(Malformed::Oversized(bytes.len())),
         }
@@ -132,8 +165,7 @@ enum Grip {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Contact {
     arrived: Stamp,
-    presses: u8,
-    requests: u8,
+    sample: DeviceSample,
 }
 
 /// What the keyboard is doing, for whoever looks at the status.
@@ -166,14 +198,10 @@ impl Keyboard {
         }
     }
 
-    /// Takes in a sample; says whether it asks for a new trial.
-    pub(crate) fn take(&mut self, now: Stamp, sample: DeviceSample, has_picture: bool) -> bool {
-        let contact = Contact {
-            arrived: now,
-            presses: sample.presses,
-            requests: sample.requests,
-        };
-        let before = self.contact();
+    /// Takes in a sample; says what it asks for.
+    pub(crate) fn take(&mut self, now: Stamp, sample: DeviceSample, has_picture: bool) -> Asked {
+        let contact = Contact { arrived: now, sample };
+        let before = self.contact().map(|contact| contact.sample);
         let anew = before.is_some_and(|before| before.presses != sample.presses);
         self.grip = match self.grip {
             _ if sample.keys.is_empty() => Grip::Open(contact),
@@ -186,7 +214,15 @@ impl Keyboard {
                 Grip::Held(contact, sample.keys)
             }
         };
-        before.is_some_and(|before| before.requests != sample.requests)
+        let Some(before) = before else {
+            return Asked::default();
+        };
+        Asked {
+            trial: before.requests != sample.requests,
+            stop: before.stops != sample.stops,
+            release: before.releases != sample.releases,
+            take_over: before.take_overs != sample.take_overs,
+        }
     }
 
     /// Lets time pass: a device that has been silent for too long is absent.
@@ -262,7 +298,7 @@ mod tests {
         DeviceSample {
             keys,
             presses,
-            requests: 0,
+            ..DeviceSample::default()
         }
     }
 
@@ -274,13 +310,22 @@ mod tests {
             keys: Keys::LEFT.and(Keys::HOLD),
             presses: 200,
             requests: 3,
+            stops: 4,
+            releases: 5,
+            take_overs: 6,
         };
         assert_eq!(DeviceSample::from_bytes(&sample.to_bytes()), Ok(sample));
-        assert_eq!(sample.to_bytes(), [1, 0b0100_0010, 200, 3]);
+        assert_eq!(sample.to_bytes(), [2, 0b0100_0010, 200, 3, 4, 5, 6]);
         assert_eq!(DeviceSample::from_bytes(&[]), Err(Malformed::Truncated(0)));
-        assert_eq!(DeviceSample::from_bytes(&[1, 0, 0, 0, 0]), Err(Malformed::Oversized(5)));
-        assert_eq!(DeviceSample::from_bytes(&[2, 0, 0, 0]), Err(Malformed::Version(2)));
-        assert_eq!(DeviceSample::from_bytes(&[1, 0x80, 0, 0]), Err(Malformed::Body));
+        assert_eq!(DeviceSample::from_bytes(&[2; 8]), Err(Malformed::Oversized(8)));
+        assert_eq!(
+            DeviceSample::from_bytes(&[1, 0, 0, 0, 0, 0, 0]),
+            Err(Malformed::Version(1))
+        );
+        assert_eq!(
+            DeviceSample::from_bytes(&[2, 0x80, 0, 0, 0, 0, 0]),
+            Err(Malformed::Body)
+        );
     }
 
     #[test]
@@ -335,7 +380,7 @@ mod tests {
                 requests,
                 ..DeviceSample::default()
             };
-            keyboard.take(Stamp(at), sample, true)
+            keyboard.take(Stamp(at), sample, true).trial
         };
         assert_eq!(
             [ask(0, 7), ask(1, 7), ask(2, 8), ask(3, 8)],

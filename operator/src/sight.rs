@@ -1,6 +1,6 @@
 //! What the operator sees of the robot: the newest state, read for whoever steers.
 
-use tandem_wire::{Envelope, Header, MessageId, Motion, Seq, Session, State, TaskFrame, Vec3};
+use tandem_wire::{Envelope, Header, Lease, MessageId, Motion, Seq, Session, State, TaskFrame, Vec3};
 
 /// The newest state, as far as the operator cares.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,6 +19,8 @@ pub struct Seen {
     pub weight: f64,
     /// Whether the robot has a say in that setpoint.
     pub guided: bool,
+    /// Who may drive, by that setpoint.
+    pub lease: Option<Lease>,
 }
 
 /// Whether there is a picture of the robot.
@@ -119,6 +121,7 @@ impl Eyes {
             motion: body.motion,
             weight: setpoint.map_or(1.0, |setpoint| setpoint.weight.0),
             guided: setpoint.is_some_and(|setpoint| setpoint.guidance.is_some()),
+            lease: setpoint.and_then(|setpoint| setpoint.lease),
         };
         let sight = Sight {
             tick: header.tick,

@@ -3,7 +3,7 @@
 use tandem_wire::{Deadman, Stamp, Vec3};
 
 use crate::config::MAX_SPEED;
-use crate::device::{DeviceSample, Keyboard};
+use crate::device::{Asked, DeviceSample, Keyboard};
 use crate::human::SimulatedHuman;
 use crate::sight::Sight;
 use crate::status::Activity;
@@ -34,10 +34,10 @@ impl Source {
         }
     }
 
-    /// Hands it a device's sample; says whether that asks for a new trial.
-    pub(crate) fn take(&mut self, now: Stamp, sample: DeviceSample, has_picture: bool) -> bool {
+    /// Hands it a device's sample; says what that asks for.
+    pub(crate) fn take(&mut self, now: Stamp, sample: DeviceSample, has_picture: bool) -> Asked {
         match self {
-            Self::Simulated(_) => false,
+            Self::Simulated(_) => Asked::default(),
             Self::Device(keyboard) => keyboard.take(now, sample, has_picture),
         }
     }

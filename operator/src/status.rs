@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use tandem_wire::{Deadman, Refusals};
+use tandem_wire::{Deadman, Refusals, Session};
 
 use crate::device::Handling;
 use crate::human::{Doing, Ended, Waiting};
@@ -26,6 +26,8 @@ pub struct Status {
     pub deadman: Deadman,
     /// The newest state, while states keep arriving.
     pub seen: Option<Seen>,
+    /// The run of this operator, to know its own lease.
+    pub session: Session,
     /// Samples dropped so far.
     pub refused: Refusals,
 }
@@ -34,7 +36,7 @@ impl fmt::Display for Status {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.activity)?;
         let Some(seen) = &self.seen else {
-            return f.write_str(" · no picture of the robot");
+            return f.write_str(" · no picture of the robot: its states stopped, so whatever is held counts as let go");
         };
         match seen.motion.reason() {
             Some(reason) => write!(f, " · robot holds: {reason}")?,
@@ -43,6 +45,12 @@ impl fmt::Display for Status {
         }
         let [x, y, z] = seen.tool.to_array();
         write!(f, " · tool {x:.3} {y:.3} {z:.3} m")?;
+        match seen.lease {
+            Some(lease) if lease.holder == self.session => f.write_str(" · you hold the lease")?,
+            Some(lease) if lease.name.is_empty() => f.write_str(" · another operator holds the lease")?,
+            Some(lease) => write!(f, " · {} holds the lease", lease.name)?,
+            None => {}
+        }
         match seen.trial {
             0 => f.write_str(" · no trial"),
             trial => write!(f, " · trial {trial}"),
