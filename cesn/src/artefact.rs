@@ -138,7 +138,7 @@ impl Model {
     /// # Errors
     /// Whenever the bytes are not exactly what [`Self::to_bytes`] writes for a usable model.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ArtefactError> {
-        let (content, hash) = open(bytes)?;
+        let content = open(bytes)?;
         let decoded = bincode::decode_from_slice::<Stored, _>(&content[HEADER..], encoding());
         let (stored, used) = decoded.map_err(|error| ArtefactError::Payload {
             reason: error.to_string(),
@@ -152,19 +152,16 @@ impl Model {
         if model.header(used)[..] != content[..HEADER] {
             return Err(inconsistent("the header says other shapes than the payload"));
         }
-        let _ = model.hash.set(hash);
+        let _ = model.hash.set(Sha256::digest(bytes).into());
         Ok(model)
     }
 
-    /// The hash at the end of its file: two models with one hash are one model.
+    /// SHA-256 of its file, as every other program computes it: two models with one hash are one model.
     #[must_use]
     pub fn hash(&self) -> [u8; 32] {
-        *self.hash.get_or_init(|| {
-            let bytes = self.to_bytes();
-            let mut hash = [0; HASH];
-            hash.copy_from_slice(&bytes[bytes.len() - HASH..]);
-            hash
-        })
+        // Not the file's last 32 bytes: those are the hash of what stands before them, and nobody who holds the file
+        // alone would call that the file's hash.
+        *self.hash.get_or_init(|| Sha256::digest(self.to_bytes()).into())
     }
 
     fn header(&self, payload: usize) -> [u8; HEADER] {
@@ -192,8 +189,8 @@ fn encoding() -> impl bincode::config::Config {
         .with_limit::<MAX_BYTES>()
 }
 
-/// Checks everything outside the payload; returns what the hash covers, and the hash.
-fn open(bytes: &[u8]) -> Result<(&[u8], [u8; 32]), ArtefactError> {
+/// Checks everything outside the payload; returns what the hash at the end covers.
+fn open(bytes: &[u8]) -> Result<&[u8], ArtefactError> {
     let found = bytes.len();
     let begins = &bytes[..found.min(MAGIC.len())];
     if !MAGIC.starts_with(begins) || found == 0 {
@@ -240,7 +237,7 @@ fn open(bytes: &[u8]) -> Result<(&[u8], [u8; 32]), ArtefactError> {
     let (content, trailer) = bytes.split_at(found - HASH);
     let hash: [u8; 32] = Sha256::digest(content).into();
     if hash[..] == *trailer {
-        Ok((content, hash))
+        Ok(content)
     } else {
         Err(ArtefactError::Damaged)
     }

@@ -40,6 +40,8 @@ settings! {
         pub timeout_ms: f64 = 100.0, in 10.0..=2000.0;
         /// A command or setpoint made from a state older than this is dropped, in milliseconds.
         pub loop_age_limit_ms: f64 = 500.0, in 20.0..=5000.0;
+        /// The number of the first control period in lockstep: the trials of a run count on from each other.
+        pub first_tick: u32 = 0, in 0..=4_000_000_000;
         /// The seed of all that nodes draw at random: the simulated human's wish and the noise of its hand.
         pub seed: u64 = 1;
     }
@@ -75,6 +77,7 @@ impl LoopSettings {
             stream_period: nanos(1000.0 / self.stream_hz),
             timeout: nanos(self.timeout_ms),
             loop_age_limit: nanos(self.loop_age_limit_ms),
+            first_tick: self.first_tick,
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Text → checked settings.
 
-use tandem_settings::{choices, settings};
+use tandem_settings::{Error, Found, Limits, Value, choices, settings};
 use tandem_wire::{MILLISECOND, Nanos, SECOND, TaskFrame, Timing};
 
 use crate::family::FamilyPath;
+use crate::random::Draws;
 use crate::wish::Spread;
 
 choices! {
@@ -30,6 +31,55 @@ choices! {
     }
 }
 
+/// What a trial is called: a line that any message, table and picture has room for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Label(String);
+
+impl Label {
+    /// The most characters that it has.
+    pub const MAX: usize = 100;
+
+    /// The text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl Value for Label {
+    type Literal = &'static str;
+    type Limit = std::convert::Infallible;
+
+    fn from_literal(literal: &&'static str) -> Self {
+        Self((*literal).to_owned())
+    }
+
+    fn expected() -> String {
+        String::expected()
+    }
+
+    fn read(found: &Found, limits: &Limits<Self::Limit>) -> Result<Self, Error> {
+        let text = String::read(found, limits)?;
+        if text.chars().count() <= Self::MAX && !text.contains(char::is_control) {
+            return Ok(Self(text));
+        }
+        Err(Error::OutOfRange {
+            place: found.place().clone(),
+            key: found.key().to_owned(),
+            value: format!("a text of {} characters", text.chars().count()),
+            allowed: Self::allowed(limits).unwrap_or_default(),
+        })
+    }
+
+    fn to_toml(&self) -> String {
+        self.0.to_toml()
+    }
+
+    fn allowed(_: &Limits<Self::Limit>) -> Option<String> {
+        Some(format!("one line of at most {} characters", Self::MAX))
+    }
+}
+
 settings! {
     /// The operator: who steers, and how.
     pub struct OperatorSettings("operator") {
@@ -42,7 +92,7 @@ settings! {
         /// A device that is silent for longer counts as released, in milliseconds.
         pub device_timeout_ms: u32 = 150, in 40..=1000;
         /// What trials begun from the keyboard are called.
-        pub trial_label: String = "keyboard";
+        pub trial_label: Label = "keyboard";
     }
 }
 
@@ -67,6 +117,8 @@ settings! {
         pub departure_mm: f64 = 0.0, in 0.0..=200.0;
         /// How far it departs only after the checkpoint, at the farthest: standard deviation in millimetres.
         pub late_departure_mm: f64 = 0.0, in 0.0..=200.0;
+        /// Which of the seed's wishes and tremors it has; 0: that of the trial's number.
+        pub wish: u32 = 0;
         /// It gives up after this long, in seconds.
         pub time_limit_s: u32 = 15, in 1..=3600;
     }
@@ -82,6 +134,8 @@ pub(crate) struct HumanConfig {
     pub(crate) path: FamilyPath,
     pub(crate) frame: TaskFrame,
     pub(crate) seed: u64,
+    /// The wish and tremor of every trial, instead of each one's own.
+    pub(crate) wish: Option<u32>,
     pub(crate) gain: f64,
     pub(crate) noise: f64,
     pub(crate) speed_cap: f64,
@@ -109,6 +163,7 @@ impl HumanConfig {
             path: FamilyPath::new(settings.amplitude_m),
             frame,
             seed,
+            wish: (settings.wish > 0).then_some(settings.wish),
             gain: settings.gain,
             noise: settings.noise_mm * 1e-3,
             speed_cap: settings.speed_cap_m_s,
@@ -122,6 +177,11 @@ impl HumanConfig {
             patience_ticks: ticks(PATIENCE).max(MIN_PATIENCE_TICKS),
             limit_ticks: ticks(u64::from(settings.time_limit_s) * SECOND),
         }
+    }
+
+    /// The random numbers of a trial.
+    pub(crate) fn draws(&self, trial: u32) -> Draws {
+        Draws::new(self.seed, self.wish.unwrap_or(trial))
     }
 
     pub(crate) fn period_s(&self) -> f64 {
@@ -161,6 +221,23 @@ mod tests {
         assert_eq!(document.section::<OperatorSettings>().unwrap(), operator);
         assert_eq!(document.section::<HumanSettings>().unwrap(), human);
         document.finish(&[OperatorSettings::NAME, HumanSettings::NAME]).unwrap();
+    }
+
+    #[test]
+    fn a_label_is_one_line_that_fits_into_a_message() {
+        let read = |label: &str| {
+            let mut document = Document::default();
+            document.set("operator.trial_label", label);
+            document.section::<OperatorSettings>()
+        };
+        assert_eq!(read("ümläut 12").unwrap().trial_label.as_str(), "ümläut 12");
+        for wrong in [&"x".repeat(101), "two\nlines"] {
+            let refused = read(wrong).unwrap_err().to_string();
+            assert!(
+                refused.ends_with("allowed: one line of at most 100 characters"),
+                "{refused}"
+            );
+        }
     }
 
     #[test]

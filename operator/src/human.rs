@@ -101,6 +101,8 @@ pub enum Doing {
 pub(crate) struct SimulatedHuman {
     config: HumanConfig,
     trial: u32,
+    /// The control period in which the trial began.
+    trial_start: u32,
     wish: Wish,
     stage: Stage,
     /// The last press: they count through all trials.
@@ -112,6 +114,7 @@ impl SimulatedHuman {
     pub(crate) fn new(config: HumanConfig) -> Self {
         Self {
             trial: 0,
+            trial_start: 0,
             wish: Wish::new(config.path, config.spread, Draws::new(config.seed, 0)),
             stage: Stage::Waiting(Waiting::NoTrial),
             press: 0,
@@ -122,8 +125,8 @@ impl SimulatedHuman {
 
     /// Takes in a state. A new trial shows at once; all else is decided once per control period.
     pub(crate) fn see(&mut self, sight: &Sight) {
-        if sight.new_robot || sight.trial != self.trial {
-            self.begin(sight.trial);
+        if sight.new_robot || (sight.trial, sight.trial_start) != (self.trial, self.trial_start) {
+            self.begin(sight);
         } else if sight.passed > 0 {
             self.advance(sight);
         }
@@ -157,9 +160,11 @@ impl SimulatedHuman {
         }
     }
 
-    fn begin(&mut self, trial: u32) {
-        let draws = Draws::new(self.config.seed, trial);
+    fn begin(&mut self, sight: &Sight) {
+        let trial = sight.trial;
+        let draws = self.config.draws(trial);
         self.trial = trial;
+        self.trial_start = sight.trial_start;
         self.wish = Wish::new(self.config.path, self.config.spread, draws);
         self.velocity = Vec3::ZERO;
         self.stage = Stage::Waiting(if trial == 0 {
@@ -191,7 +196,7 @@ impl SimulatedHuman {
         let distance = libm::hypot(sight.tool[0] - start[0], sight.tool[1] - start[1]);
         self.stage = if distance <= START_TOLERANCE {
             self.press = self.press.wrapping_add(1);
-            let mut drive = Drive::begin(sight, Draws::new(self.config.seed, self.trial));
+            let mut drive = Drive::begin(sight, self.config.draws(self.trial));
             self.velocity = drive.velocity(sight, &self.config, &self.wish);
             Stage::Driving(drive)
         } else {

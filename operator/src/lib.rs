@@ -52,7 +52,7 @@ mod source;
 mod status;
 mod wish;
 
-pub use config::{HumanKind, HumanSettings, OperatorSettings, SourceKind};
+pub use config::{HumanKind, HumanSettings, Label, OperatorSettings, SourceKind};
 pub use device::{DeviceSample, Handling, Keys, SAMPLE_PERIOD};
 pub use family::{CHECKPOINT_STEP, FamilyPath, LAST_STEP};
 pub use human::{Doing, Ended, Waiting};

@@ -103,7 +103,7 @@ impl Operator {
         };
         Self {
             timing,
-            trial_label: settings.trial_label.clone(),
+            trial_label: settings.trial_label.as_str().to_owned(),
             commands: Numbering::new(session),
             trials: Numbering::new(session),
             claims: Numbering::new(session),

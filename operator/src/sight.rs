@@ -67,6 +67,8 @@ pub(crate) struct Sight {
     pub(crate) new_robot: bool,
     /// The running trial.
     pub(crate) trial: u32,
+    /// The control period in which it began: another sender may begin one of the same number.
+    pub(crate) trial_start: u32,
     /// Where the tool is, in task coordinates.
     pub(crate) tool: [f64; 2],
     /// Whether the robot moves, and if not, why.
@@ -128,6 +130,7 @@ impl Eyes {
             passed,
             new_robot,
             trial: body.trial,
+            trial_start: body.trial_start,
             tool: self.frame.to_task(seen.tool),
             motion: body.motion,
             guide: self.guide(header, body),

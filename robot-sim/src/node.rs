@@ -80,16 +80,22 @@ impl RobotSim {
     /// When settings that are each in range cannot be used together, or the start cannot be reached.
     pub fn new(session: Session, timing: Timing, settings: &RobotSimSettings) -> Result<Self, UnusableScene> {
         let surroundings = settings.surroundings(&timing)?;
+        let mut inner = Inner::standing(surroundings.start, &surroundings.scene.obstacles);
+        let tick = match timing.pace {
+            Pace::Lockstep => timing.first_tick,
+            Pace::Real => 0,
+        };
+        inner.skip_to(Stamp::of_tick(tick, timing.period).0 / MILLISECOND);
         Ok(Self {
             timing,
             states: Numbering::new(session),
             scenes: Numbering::new(session),
             hearing: Hearing::new(&timing),
-            inner: Inner::standing(surroundings.start, &surroundings.scene.obstacles),
+            inner,
             motion: Motion::Held(Reason::NoSetpointYet),
             latch: Latch::default(),
             trial: Running::default(),
-            tick: 0,
+            tick,
             in_step: false,
             next_state: Stamp(0),
             next_scene: Stamp(0),

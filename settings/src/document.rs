@@ -1,5 +1,7 @@
 //! The text: a settings file with the command line laid over it, every value remembering where it was given.
 
+mod layers;
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -89,13 +91,18 @@ impl Document {
 
     /// Reads one section, with defaults for the keys that are absent, and so for all of them if it is absent itself.
     pub fn section<S: Section>(&self) -> Result<S, Error> {
-        self.refuse_value(S::NAME)?;
+        self.section_at(S::NAME)
+    }
+
+    /// Reads a section under another name than its own: one of several that have the same keys, `[laws.a]`, `[laws.b]`.
+    pub fn section_at<S: Section>(&self, section: &str) -> Result<S, Error> {
+        self.refuse_value(section)?;
         let keys = S::keys();
         let known = || keys.iter().map(|key| key.name.to_owned()).collect();
-        self.refuse_strays(S::NAME, |name| keys.iter().any(|key| key.name == name), known)?;
+        self.refuse_strays(section, |name| keys.iter().any(|key| key.name == name), known)?;
         let mut settings = S::default();
         for key in &keys {
-            if let Some(found) = self.found(S::NAME, key.name) {
+            if let Some(found) = self.found(section, key.name) {
                 (key.read)(&mut settings, &found)?;
             }
         }

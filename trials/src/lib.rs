@@ -10,6 +10,8 @@
 //!
 //! [`World`] runs a trial of these nodes under virtual time, in one thread and without a network.
 //!
+//! [`Plan`](plan::Plan) is an experiment as it was written down, [`run`] the folder that holds what became of it.
+//!
 //! The crate refuses to know flags, terminals and exit codes: those belong to the command line. It reads no clock.
 //!
 //! Start reading at [`Blueprint`], then `reexecute.rs`.
@@ -22,7 +24,9 @@ mod configuration;
 mod fields;
 mod latency;
 mod measures;
+pub mod plan;
 mod reexecute;
+pub mod run;
 mod smoothness;
 pub mod statistics;
 pub mod trace;

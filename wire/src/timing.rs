@@ -26,6 +26,8 @@ pub struct Timing {
     pub timeout: Nanos,
     /// An answer made from a state older than this is dropped.
     pub loop_age_limit: Nanos,
+    /// The number of the first control period in lockstep, so that several loops one after the other count on.
+    pub first_tick: u32,
 }
 
 impl Default for Timing {
@@ -36,6 +38,7 @@ impl Default for Timing {
             stream_period: 20 * MILLISECOND,
             timeout: 100 * MILLISECOND,
             loop_age_limit: 500 * MILLISECOND,
+            first_tick: 0,
         }
     }
 }

@@ -1,0 +1,49 @@
+//! A few thousand cases of every target, the same each time. The program goes on as long as it is told.
+
+use tandem_fuzz::{every_cut, targets};
+
+/// Tries `cases` seeds of one target.
+fn try_out(name: &str, cases: u64) {
+    let mut targets = targets();
+    let target = targets
+        .iter_mut()
+        .find(|target| target.name() == name)
+        .expect("a target");
+    let inputs: u64 = (0..cases).map(|seed| target.run(seed)).sum();
+    assert!(inputs >= cases);
+}
+
+#[test]
+fn damaged_messages_are_refused_or_written_again_the_same() {
+    try_out("decoders", 60_000);
+}
+
+#[test]
+fn five_nodes_survive_a_network_that_does_everything_wrong() {
+    try_out("loop", 24);
+}
+
+#[test]
+fn a_session_file_cut_anywhere_says_so() {
+    assert!(every_cut(997) > 20);
+}
+
+#[test]
+fn a_session_file_with_changed_bytes_is_repaired_into_what_can_be_read_of_it() {
+    try_out("bytes", 150);
+}
+
+#[test]
+fn a_session_file_with_changed_records_is_repaired_into_what_can_be_read_of_it() {
+    try_out("records", 150);
+}
+
+#[test]
+fn damaged_models_are_refused_or_forecast() {
+    try_out("models", 2_000);
+}
+
+#[test]
+fn damaged_settings_are_refused_or_shown_again_the_same() {
+    try_out("settings", 300);
+}
