@@ -39,8 +39,8 @@ fn an_emergency_stop_stops_whatever_setpoints_say_until_it_is_cleared_and_presse
     140 ms  tick  1  trial 1 press 1
     302 ms  tick  3  trial 1 held: emergency stop by ada
     380 ms  tick  3  trial 1 held: emergency stop by ada, at rest
-    702 ms  tick  7  trial 1 held: waiting for a fresh press of the deadman, at rest
-    740 ms  tick  7  trial 1 held: the deadman is released, at rest
+    802 ms  tick  8  trial 1 held: waiting for a fresh press of the deadman, at rest
+    840 ms  tick  8  trial 1 held: the deadman is released, at rest
     940 ms  tick  9  trial 1 press 3
     ");
 }
