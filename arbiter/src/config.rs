@@ -5,7 +5,7 @@ use tandem_wire::{Aabb, Finite, Law, MILLISECOND, Timing, Vec3};
 
 use crate::lease::Terms;
 use crate::limits::Bounds;
-use crate::weight::WeightRules;
+use crate::weight::{Attention, WeightRules};
 
 choices! {
     /// How human and robot share the command, by name.
@@ -20,6 +20,8 @@ choices! {
         Robot = "robot",
         /// A constant weight of the human.
         Constant = "constant",
+        /// The human's weight follows what the hand says.
+        Attentive = "attentive",
     }
 }
 
@@ -30,8 +32,19 @@ settings! {
         pub law: LawName = LawName::Adaptive;
         /// The human's weight under the law "constant".
         pub constant_weight: f64 = 0.5, in 0.0..=1.0;
-        /// The smallest weight the adaptive law gives the human. Below .1 a human who disagrees works harder, not less.
+        /// The smallest weight that the laws "adaptive" and "attentive" give the human. Below .1 a human who disagrees works harder, not less.
         pub weight_floor: f64 = 0.1, in 0.0..=1.0;
+        /// The largest weight that the law "attentive" gives the human. Below 1 the robot still helps along its way.
+        pub attentive_most: f64 = 1.0, in 0.0..=1.0;
+        /// Under the law "attentive" a human who pushes this fast across the robot's way gets the largest weight, in
+        /// metres per second.
+        pub attentive_full_m_s: f64 = 0.1, in 0.001..=10.0;
+        /// Under the law "attentive": the share of a control period's push that enters the smoothed one. 1 for no
+        /// smoothing; a tremor then counts as disagreement.
+        pub attentive_share: f64 = 0.3, in 0.01..=1.0;
+        /// Under the law "attentive": whether the interval's doubt is what the human's push is expected to be before it
+        /// was measured.
+        pub attentive_prior: bool = true;
         /// How fast the human's weight may fall, per second; 0 for no limit, as in the paper. It always rises at once.
         pub weight_fall_per_s: f64 = 0.0, in 0.0..=100.0;
         /// Whether a human who pushes against the robot (20 mm/s, two ticks) gets all of the weight. Not in the paper.
@@ -76,6 +89,7 @@ impl ArbiterSettings {
             LawName::Human => Law::Human,
             LawName::Robot => Law::Robot,
             LawName::Constant => Law::Constant(Finite(self.constant_weight)),
+            LawName::Attentive => Law::Attentive,
         }
     }
 
@@ -84,6 +98,12 @@ impl ArbiterSettings {
         WeightRules {
             law: self.sharing(),
             floor: self.weight_floor,
+            attention: Attention {
+                most: self.attentive_most.max(self.weight_floor),
+                full_m_s: self.attentive_full_m_s,
+                share: self.attentive_share,
+                prior: self.attentive_prior,
+            },
             fall_per_tick: (fall > 0.0).then(|| fall * timing.period_s()),
             yields_to_push: self.yield_to_push,
         }

@@ -22,10 +22,25 @@ pub(crate) struct WeightRules {
     pub(crate) law: Law,
     /// The smallest weight of the adaptive law.
     pub(crate) floor: f64,
+    /// How the law "attentive" listens.
+    pub(crate) attention: Attention,
     /// How much `ω` may fall in one tick; `None` for no limit. It always rises at once.
     pub(crate) fall_per_tick: Option<f64>,
     /// Whether the human gets everything while pushing against the robot.
     pub(crate) yields_to_push: bool,
+}
+
+/// How the law "attentive" listens.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Attention {
+    /// The largest weight; no smaller than the floor.
+    pub(crate) most: f64,
+    /// At this smoothed push across the robot's way the human gets everything.
+    pub(crate) full_m_s: f64,
+    /// The share of a tick's push that enters the smoothed one.
+    pub(crate) share: f64,
+    /// Whether the interval's doubt stands in for pushes before the first.
+    pub(crate) prior: bool,
 }
 
 /// `ω` and what its next value depends on.
@@ -35,6 +50,10 @@ pub(crate) struct Weight {
     omega: f64,
     tick: Option<u32>,
     pushed: u32,
+    /// The human's push across the robot's way, smoothed; only the law "attentive" listens.
+    push: Vec3,
+    /// How much of the smoothed push is still the one before the first tick with guidance, from 1 to 0.
+    unheard: f64,
 }
 
 impl Weight {
@@ -44,6 +63,8 @@ impl Weight {
             omega: 1.0,
             tick: None,
             pushed: 0,
+            push: Vec3::ZERO,
+            unheard: 1.0,
         }
     }
 
@@ -63,6 +84,8 @@ impl Weight {
             None => {
                 self.omega = 1.0;
                 self.pushed = 0;
+                self.push = Vec3::ZERO;
+                self.unheard = 1.0;
             }
             Some((tick, guidance)) if self.tick != Some(tick) => {
                 self.tick = Some(tick);
@@ -79,12 +102,35 @@ impl Weight {
         } else {
             0
         };
+        self.listen(human, guidance.velocity);
         let yields = self.rules.yields_to_push && self.pushed >= PUSH_TICKS;
         let wanted = if yields { 1.0 } else { self.wanted(guidance) };
         self.omega = match self.rules.fall_per_tick {
             Some(step) => wanted.max(self.omega - step),
             None => wanted,
         };
+    }
+
+    /// Smooths the push as a vector, in which a tremor cancels out.
+    fn listen(&mut self, human: Vec3, robot: Vec3) {
+        let share = self.rules.attention.share;
+        self.push = self.push + (across(human, robot) - self.push) * share;
+        self.unheard *= 1.0 - share;
+    }
+
+    /// `ω = clip(|push| / full + u · doubt, floor, most)`, `u` the share of the smoothed push that was not heard yet.
+    fn attentive(&self, guidance: &Guidance) -> f64 {
+        let Attention {
+            full_m_s, prior, most, ..
+        } = self.rules.attention;
+        let doubt = adaptive(guidance.ratio.0, guidance.ratio_high.0, 0.0);
+        let expected = if prior { doubt * self.unheard } else { 0.0 };
+        let wanted = self.push.norm() / full_m_s + expected;
+        if wanted.is_finite() {
+            wanted.clamp(self.rules.floor, most)
+        } else {
+            1.0
+        }
     }
 
     fn wanted(&self, guidance: &Guidance) -> f64 {
@@ -94,6 +140,7 @@ impl Weight {
             Law::Human => 1.0,
             Law::Robot => 0.0,
             Law::Constant(weight) => weight.0,
+            Law::Attentive => self.attentive(guidance),
         }
     }
 }
@@ -109,6 +156,16 @@ fn adaptive(ratio: f64, high: f64, floor: f64) -> f64 {
     }
 }
 
+/// What of the human's velocity does not lie along the robot's. Where the robot rests, all of it.
+fn across(human: Vec3, robot: Vec3) -> Vec3 {
+    let speed = robot.norm();
+    if speed <= PUSH_SPEED {
+        return human;
+    }
+    let direction = robot * (1.0 / speed);
+    human - direction * human.dot(direction)
+}
+
 fn against(human: Vec3, robot: Vec3) -> bool {
     human.dot(robot) < 0.0 && human.norm() > PUSH_SPEED && robot.norm() > PUSH_SPEED
 }
@@ -121,6 +178,12 @@ mod tests {
     const PAPER: WeightRules = WeightRules {
         law: Law::Adaptive,
         floor: 0.1,
+        attention: Attention {
+            most: 1.0,
+            full_m_s: 0.1,
+            share: 0.5,
+            prior: true,
+        },
         fall_per_tick: None,
         yields_to_push: false,
     };

@@ -71,6 +71,7 @@ fn settings() -> impl Strategy<Value = ArbiterSettings> {
         LawName::Human,
         LawName::Robot,
         LawName::Constant,
+        LawName::Attentive,
     ];
     (
         proptest::sample::select(laws.to_vec()),

@@ -151,6 +151,14 @@ impl SimulatedHuman {
         }
     }
 
+    /// Where it wishes the tool to be by now, while it drives.
+    pub(crate) fn wish(&self) -> Option<Vec3> {
+        match &self.stage {
+            Stage::Driving(drive) => Some(self.config.frame.to_base(self.wish.at(drive.step))),
+            Stage::Waiting(_) | Stage::Done(_) => None,
+        }
+    }
+
     pub(crate) fn doing(&self) -> Doing {
         match &self.stage {
             Stage::Waiting(why) => Doing::Waiting(*why),

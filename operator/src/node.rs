@@ -271,6 +271,7 @@ impl Operator {
             deadman: self.deadman(),
             seen: self.picture.live().copied(),
             session: self.session,
+            wish: self.source.wish(),
             refused: self.refused,
         };
         if self.status != Some(status) {

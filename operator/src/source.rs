@@ -75,6 +75,14 @@ impl Source {
         }
     }
 
+    /// Where it wishes the tool to be, if that can be known.
+    pub(crate) fn wish(&self) -> Option<Vec3> {
+        match self {
+            Self::Simulated(human) => human.wish(),
+            Self::Device(_) => None,
+        }
+    }
+
     /// What it is doing.
     pub(crate) fn activity(&self) -> Activity {
         match self {

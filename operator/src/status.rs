@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use tandem_wire::{Deadman, Refusals, Session};
+use tandem_wire::{Deadman, Refusals, Session, Vec3};
 
 use crate::device::Handling;
 use crate::human::{Doing, Ended, Waiting};
@@ -28,6 +28,8 @@ pub struct Status {
     pub seen: Option<Seen>,
     /// The run of this operator, to know its own lease.
     pub session: Session,
+    /// Where a simulated human that is driving wishes the tool to be at that state, in the base frame. No message tells.
+    pub wish: Option<Vec3>,
     /// Samples dropped so far.
     pub refused: Refusals,
 }

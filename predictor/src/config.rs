@@ -14,6 +14,9 @@ settings! {
         /// The share of the tool's distance from the forecast that the robot corrects in one step: 1 leads straight to
         /// the forecast's next point, 0 only moves along with it.
         pub correction: f64 = 1.0, in 0.0..=1.0;
+        /// The same for distance across the forecast's way, where it moves at 20 mm/s or more; below that it blends over
+        /// into the key above. 0 lets the human decide where and the robot when. Never taken above the key above.
+        pub correction_across: f64 = 1.0, in 0.0..=1.0;
         /// The fastest the robot proposes to move, in metres per second.
         pub speed_m_s: f64 = 0.5, in 0.01..=1.7;
     }
@@ -87,6 +90,7 @@ impl PredictorSettings {
     pub(crate) fn following(&self, timing: &Timing) -> Following {
         Following {
             correction: self.correction,
+            across: self.correction_across.min(self.correction),
             speed_limit: self.speed_m_s,
             period_s: timing.period_s(),
         }

@@ -6,7 +6,13 @@
 //!
 //! with `ŷ` linear between steps and constant after the last, and `c` the share of the present error that one step
 //! shall correct. At `c = 1` it is `(ŷ(j + 1) − tool)/Δt`, the whole way to the next point; at `c = 0` the forecast's
-//! own velocity.
+//! own velocity. Across the forecast's way it may be another share, `c×`: with `o = ŷ(j) − tool`, the way's direction
+//! `t` and `o× = o − (o·t) t`,
+//!
+//! `velocity ← velocity − s (c − c×) o× / Δt`, `s = min(1, |ŷ(j + 1) − ŷ(j)| / (Δt · 20 mm/s))`,
+//!
+//! so that at `c× = 0` the robot keeps the time along the way and leaves to the human on which side of it they go,
+//! until the forecast comes to rest, where there is no way to be across of.
 
 use tandem_cesn::{Forecast as ModelForecast, Model};
 use tandem_wire::{Finite, Forecast, ForecastPoint, Guidance, Nanos, TaskFrame, Vec3};
@@ -18,10 +24,28 @@ use crate::checkpoint::Crossing;
 pub(crate) struct Following {
     /// The share of the present error that is corrected in one step.
     pub(crate) correction: f64,
+    /// The same across the forecast's way; no larger.
+    pub(crate) across: f64,
     /// In metres per second.
     pub(crate) speed_limit: f64,
     /// The control period in seconds.
     pub(crate) period_s: f64,
+}
+
+/// At this speed of the forecast, in metres per second, its direction is taken in full.
+const MOVING: f64 = 0.02;
+
+impl Following {
+    /// What of the correction `off` is left out because it leads across the way to the forecast's next step.
+    fn yielding(&self, way: Vec3, off: Vec3) -> Vec3 {
+        let (length, spared) = (way.norm(), self.correction - self.across);
+        if spared <= 0.0 || length <= f64::EPSILON {
+            return Vec3::ZERO;
+        }
+        let direction = way * (1.0 / length);
+        let across = off - direction * off.dot(direction);
+        across * (spared * (length / (MOVING * self.period_s)).min(1.0))
+    }
 }
 
 /// A forecast and where the movement is on it.
@@ -69,7 +93,9 @@ impl Course {
     /// and a human who does is not pulled back, nor does the pull eat up the speed limit.
     pub(crate) fn guidance(&self, tool: Vec3, frame: &TaskFrame, following: &Following) -> Guidance {
         let (now, next) = (self.at(self.phase), self.at(self.phase + 1.0));
-        let way = (next.position - tool) - (now.position - tool) * (1.0 - following.correction);
+        let off = now.position - tool;
+        let way = (next.position - tool) - off * (1.0 - following.correction);
+        let way = way - following.yielding(next.position - now.position, off);
         let in_plane = frame.vector_to_base([way.dot(frame.x_axis), way.dot(frame.y_axis)]);
         Guidance {
             forecast: self.number,
@@ -137,6 +163,7 @@ mod tests {
 
     const FOLLOWING: Following = Following {
         correction: 1.0,
+        across: 1.0,
         speed_limit: 0.5,
         period_s: 0.1,
     };
@@ -196,12 +223,27 @@ mod tests {
         let with = |correction| {
             let following = Following {
                 correction,
+                across: correction,
                 ..FOLLOWING
             };
             course(41.0).guidance(off, &TaskFrame::default(), &following).velocity
         };
         assert!((with(0.0) - Vec3::new(0.0, 0.1, 0.0)).norm() < 1e-12);
         assert!((with(0.5) - Vec3::new(-0.1, 0.1, 0.0)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn across_the_way_the_human_may_be_left_alone() {
+        let off = Vec3::new(0.42, -0.004, 0.15);
+        let with = |across| {
+            let following = Following { across, ..FOLLOWING };
+            let velocity = |phase| course(phase).guidance(off, &TaskFrame::default(), &following).velocity;
+            [velocity(41.0), velocity(44.0)]
+        };
+        let [moving, resting] = with(0.0);
+        assert!((moving - Vec3::new(0.0, 0.14, 0.0)).norm() < 1e-12, "{moving:?}");
+        assert_eq!(resting, with(1.0)[1], "where it rests it leads to the forecast");
+        assert!((with(0.5)[0] - Vec3::new(-0.1, 0.14, 0.0)).norm() < 1e-12);
     }
 
     #[test]

@@ -43,6 +43,7 @@ enum LawFlag {
     Fixed,
     Human,
     Robot,
+    Attentive,
 }
 
 #[derive(Args)]

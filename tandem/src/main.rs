@@ -11,6 +11,7 @@ mod replay;
 mod session;
 mod shipped;
 mod summary;
+mod sweep;
 mod table;
 mod train;
 mod trial;
@@ -61,11 +62,22 @@ enum Subcommands {
     Train(train::TrainFlags),
     /// Prints a model's forecast for a context.
     Forecast(forecast::ForecastFlags),
+    /// Experiments: many trials.
+    Trial {
+        #[command(subcommand)]
+        command: TrialCommands,
+    },
     /// Works with the configuration.
     Config {
         #[command(subcommand)]
         command: ConfigCommands,
     },
+}
+
+#[derive(Subcommand)]
+enum TrialCommands {
+    /// Runs simulated trials under virtual time: humans × departures × laws × seeds × contexts.
+    Sweep(sweep::SweepFlags),
 }
 
 #[derive(Subcommand)]
@@ -99,6 +111,9 @@ fn main() -> ExitCode {
         Subcommands::Session { command } => session::run(&command),
         Subcommands::Train(flags) => train::run(&flags),
         Subcommands::Forecast(flags) => forecast::run(&flags),
+        Subcommands::Trial {
+            command: TrialCommands::Sweep(flags),
+        } => sweep::run(&flags),
         Subcommands::Config {
             command: ConfigCommands::Show(flags),
         } => configuration::print(&flags),

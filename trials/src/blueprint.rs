@@ -57,6 +57,18 @@ impl Blueprint {
         })
     }
 
+    /// The same run and model under other settings; the model is shared.
+    ///
+    /// # Errors
+    /// If the task's axes do not span a plane.
+    pub fn with_configuration(&self, configuration: Configuration) -> Result<Self, Unbuildable> {
+        let fresh = Self::new(configuration, self.session, None)?;
+        Ok(Self {
+            model: self.model.clone(),
+            ..fresh
+        })
+    }
+
     /// The settings that it was made from.
     #[must_use]
     pub const fn configuration(&self) -> &Configuration {

@@ -37,6 +37,14 @@ impl Configuration {
     /// # Errors
     /// At the first key that is unknown, misspelt or out of range, with its place.
     pub fn from_document(document: &Document) -> Result<Self, Error> {
+        Self::from_document_beside(document, &[])
+    }
+
+    /// The same for a document that also holds `others`: sections that somebody else reads.
+    ///
+    /// # Errors
+    /// At the first key that is unknown, misspelt or out of range, with its place.
+    pub fn from_document_beside(document: &Document, others: &[&str]) -> Result<Self, Error> {
         let configuration = Self {
             link: document.section()?,
             rates: document.section()?,
@@ -48,7 +56,7 @@ impl Configuration {
             robot: document.section()?,
             recorder: document.section()?,
         };
-        document.finish(&[
+        let own = [
             LinkSettings::NAME,
             LoopSettings::NAME,
             TaskSettings::NAME,
@@ -58,7 +66,8 @@ impl Configuration {
             ArbiterSettings::NAME,
             RobotSimSettings::NAME,
             RecorderSettings::NAME,
-        ])?;
+        ];
+        document.finish(&[&own, others].concat())?;
         Ok(configuration)
     }
 

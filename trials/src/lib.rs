@@ -10,6 +10,7 @@
 //!
 //! [`World`] runs a trial of these nodes under virtual time, in one thread and without a network.
 //!
+//! [`sweep`] runs the same trials under many laws, on all cores.
 //! [`Plan`](plan::Plan) is an experiment as it was written down, [`run`] the folder that holds what became of it.
 //!
 //! The crate refuses to know flags, terminals and exit codes: those belong to the command line. It reads no clock.
@@ -29,6 +30,7 @@ mod reexecute;
 pub mod run;
 mod smoothness;
 pub mod statistics;
+pub mod sweep;
 pub mod trace;
 mod tracer;
 mod verdict;

@@ -16,13 +16,14 @@
 
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
+use std::sync::mpsc::{Receiver, channel};
 
 use tandem_link::lockstep_now;
 use tandem_wire::{
-    Input, Nanos, Node, NodeName, Numbering, Outbox, Pace, Ports, Session, Stamp, Timing, Topic, Trial, encode,
+    Input, Nanos, Node, NodeName, Numbering, Outbox, Pace, Ports, Session, Stamp, Timing, Topic, Trial, Vec3, encode,
 };
 
-use crate::{Blueprint, Unbuildable};
+use crate::{Blueprint, Trace, Tracer, Unbuildable};
 
 /// What was said and has not been heard yet, oldest first.
 pub type Said = VecDeque<(Topic, Vec<u8>)>;
@@ -43,19 +44,29 @@ pub trait Player: Send {
 }
 
 /// A node with what its shell would keep for it.
-#[derive(Debug)]
 pub struct Seat<N: Node> {
     node: N,
     outbox: Outbox<N::Output>,
+    local: Local<N::Output>,
 }
+
+/// Is told every output of a node.
+type Local<O> = Box<dyn FnMut(&O) + Send>;
 
 impl<N: Node> Seat<N> {
     /// Seats a node.
     #[must_use]
     pub fn new(node: N) -> Self {
+        Self::with_local(node, |_| {})
+    }
+
+    /// Seats a node whose outputs, those that stay in the process included, are also given to `local`.
+    #[must_use]
+    pub fn with_local(node: N, local: impl FnMut(&N::Output) + Send + 'static) -> Self {
         Self {
             node,
             outbox: Outbox::default(),
+            local: Box::new(local),
         }
     }
 }
@@ -84,6 +95,7 @@ where
             if let Some(topic) = N::sample(&output, &mut bytes) {
                 said.push_back((topic, bytes));
             }
+            (self.local)(&output);
         }
     }
 }
@@ -106,6 +118,8 @@ pub struct World {
     now: Stamp,
     said: Said,
     marks: Numbering,
+    /// Where the simulated human wished to be, by the robot's ticks.
+    wishes: Option<Receiver<(u32, Vec3)>>,
 }
 
 impl World {
@@ -114,7 +128,21 @@ impl World {
     /// # Errors
     /// If the blueprint's settings or its model do not fit together.
     pub fn new(blueprint: &Blueprint) -> Result<Self, Unbuildable> {
-        Self::with_operator(blueprint, Box::new(Seat::new(blueprint.operator())))
+        let (sender, wishes) = channel();
+        let tell = move |output: &tandem_operator::Output| {
+            if let tandem_operator::Output::Status(status) = output
+                && let Some((seen, wish)) = status.seen.zip(status.wish)
+            {
+                // A world that is gone has no use for wishes.
+                let _ = sender.send((seen.tick, wish));
+            }
+        };
+        let operator = Seat::with_local(blueprint.operator(), tell);
+        let world = Self::with_operator(blueprint, Box::new(operator))?;
+        Ok(Self {
+            wishes: Some(wishes),
+            ..world
+        })
     }
 
     /// The predictor, the arbiter and the robot of a blueprint, with somebody else in the operator's place.
@@ -140,6 +168,7 @@ impl World {
             now: Stamp(0),
             said: Said::new(),
             marks: Numbering::new(session),
+            wishes: None,
         }
     }
 
@@ -154,6 +183,30 @@ impl World {
         let mut bytes = Vec::new();
         encode(&self.marks.envelope(self.now, 0, trial), &mut bytes);
         self.said.push_back((Topic::Trial, bytes));
+    }
+
+    /// Runs one trial from its mark until the human has let go for good, or `limit` has passed, and traces it, the
+    /// simulated human's wish included.
+    pub fn trial(&mut self, number: u32, label: &str, limit: Nanos) -> (Trace, Halt) {
+        let mut tracer = Tracer::of_trial(number);
+        let wishes = self.wishes.take();
+        self.mark(Trial::Begin {
+            number,
+            label: label.to_owned(),
+        });
+        let halt = self.run(limit, |_, topic, bytes| {
+            tracer.see(topic, bytes);
+            for (tick, wish) in wishes.iter().flat_map(Receiver::try_iter) {
+                tracer.see_wish(tick, wish);
+            }
+            if tracer.is_over() {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        });
+        self.wishes = wishes;
+        (tracer.trace(), halt)
     }
 
     /// Has everybody hear what was said, and answer, until `watch` breaks, nobody says anything any more, or `limit`

@@ -108,6 +108,8 @@ pub enum Law {
     Robot,
     /// A constant weight of the human.
     Constant(Finite),
+    /// The human's weight follows what the hand says: how far it pushes across the robot's way.
+    Attentive,
 }
 
 /// Which limits changed the command.

@@ -145,6 +145,7 @@ impl From<&wire::Envelope<wire::Setpoint>> for Setpoint {
             wire::Law::Human => (Law::Human, None),
             wire::Law::Robot => (Law::Robot, None),
             wire::Law::Constant(weight) => (Law::Constant, Some(weight.0)),
+            wire::Law::Attentive => (Law::Attentive, None),
         };
         Self {
             header: (&message.header).into(),

@@ -85,6 +85,7 @@ pub(super) enum Law {
     Human,
     Robot,
     Constant,
+    Attentive,
 }
 
 #[derive(Encode)]

@@ -160,6 +160,7 @@ fn setpoint(row: &mut Row, setpoint: &Setpoint) {
             Law::Human => "human",
             Law::Robot => "robot",
             Law::Constant(_) => "constant",
+            Law::Attentive => "attentive",
         },
     );
     row.number("human_weight", Some(setpoint.weight.0));
