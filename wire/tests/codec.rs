@@ -71,8 +71,8 @@ fn the_layout_is_what_it_was() {
         ("state", check(samples::state())),
         ("scene", check(samples::scene())),
         ("trial", check(samples::trial())),
-        ("claim", check(samples::claim())),
-        ("emergency", check(samples::emergency())),
+        ("lease", check(samples::claim())),
+        ("estop", check(samples::emergency())),
         ("journal", check(samples::journal())),
         ("info", check(samples::info())),
     ];
