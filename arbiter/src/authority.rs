@@ -2,7 +2,8 @@
 
 use std::mem::discriminant;
 
-use tandem_wire::{Deadman, Motion, Rearm, Reason};
+use bincode::{Decode, Encode};
+use tandem_wire::{Deadman, Malformed, Memory, Motion, Rearm, Reason, Remember};
 
 /// Who is in charge.
 ///
@@ -17,7 +18,7 @@ use tandem_wire::{Deadman, Motion, Rearm, Reason};
 ///
 /// There is no move from `Held` to `Shared`: whoever presses first drives alone for as long as it takes to look
 /// whether there is guidance, which is part of the same decision.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum Authority {
     /// Nobody: motion is held.
     Held(Reason),
@@ -113,6 +114,14 @@ impl Helm {
     pub(crate) fn close(&mut self) {
         self.rearm.spend();
         self.authority = Authority::Closed;
+    }
+}
+
+impl Remember for Helm {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self { authority, rearm } = self;
+        memory.part(authority)?;
+        memory.part(rearm)
     }
 }
 

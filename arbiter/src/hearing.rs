@@ -4,9 +4,10 @@
 //! listened to, and in order. What was admitted serves until the next message of its stream, or until the stream is
 //! lost. All ages are by the arbiter's own clock.
 
+use bincode::{Decode, Encode};
 use tandem_wire::{
-    Command, Echoes, Envelope, Guard, Guidance, Header, MessageId, Nanos, Pace, Proposal, Reason, Refusal, Refusals,
-    Stamp, State, StateGuard, Timing, Used, Vec3,
+    Command, Echoes, Envelope, Guard, Guidance, Header, Malformed, Memory, MessageId, Nanos, Pace, Proposal, Reason,
+    Refusal, Refusals, Remember, Stamp, State, StateGuard, Timing, Used, Vec3,
 };
 
 use crate::lease::{Desk, Tenure, Terms};
@@ -27,7 +28,7 @@ pub(crate) struct Hearing {
 }
 
 /// A message that serves until the next one of its stream.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Encode, Decode)]
 pub(crate) struct Heard<M> {
     pub(crate) header: Header,
     pub(crate) body: M,
@@ -35,13 +36,14 @@ pub(crate) struct Heard<M> {
 }
 
 /// What the newest state told.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Encode, Decode)]
 pub(crate) struct Robot {
     pub(crate) id: MessageId,
     pub(crate) tick: u32,
     /// Where the tool's tip is.
     pub(crate) tool: Vec3,
-    trial: (u32, u32),
+    /// Number and first tick.
+    pub(crate) trial: (u32, u32),
     /// The first state seen in this trial: guidance that answers an earlier one belongs to the trial before.
     trial_since: MessageId,
 }
@@ -222,6 +224,30 @@ impl Hearing {
 
 /// Besides those that are due by the clock, so many states may be overtaken: a burst after a hiccup, a trial's first.
 const OVERTAKEN: u64 = 5;
+
+impl Remember for Hearing {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            pace: _,
+            loop_age_limit: _,
+            stream_period: _,
+            states,
+            operators,
+            proposals,
+            echoes,
+            robot,
+            proposal,
+            refused,
+        } = self;
+        states.remember(memory)?;
+        operators.remember(memory)?;
+        proposals.remember(memory)?;
+        echoes.remember(memory)?;
+        memory.part(robot)?;
+        memory.part(proposal)?;
+        memory.part(refused)
+    }
+}
 
 impl<M: Copy> Heard<M> {
     pub(crate) fn new(now: Stamp, message: &Envelope<M>) -> Self {

@@ -11,8 +11,10 @@
 //!
 //! Whoever changes hands inherits no press: what is held at that moment does not count.
 
+use bincode::{Decode, Encode};
 use tandem_wire::{
-    Claim, Command, Deadman, Envelope, Guard, Label, Lease, Nanos, Rearm, Refusal, Seq, Session, Stamp, Wish,
+    Claim, Command, Deadman, Envelope, Guard, Label, Lease, Malformed, Memory, Nanos, Rearm, Refusal, Remember, Seq,
+    Session, Stamp, Wish,
 };
 
 use crate::hearing::Heard;
@@ -43,7 +45,7 @@ pub(crate) enum Tenure {
 }
 
 /// An operator.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Encode, Decode)]
 struct Seat {
     session: Session,
     name: Label,
@@ -248,5 +250,22 @@ impl Desk {
                 Tenure::Anew { pressed: false }
             }
         }
+    }
+}
+
+impl Remember for Desk {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            terms: _,
+            guard: _,
+            seats,
+            lease,
+            granted,
+            leading,
+        } = self;
+        memory.part(seats)?;
+        memory.part(lease)?;
+        memory.part(granted)?;
+        memory.part(leading)
     }
 }

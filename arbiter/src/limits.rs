@@ -1,6 +1,6 @@
 //! Bounds on the velocity that may be asked of the tool: speed, change of speed, workspace.
 
-use tandem_wire::{Aabb, Limited, Nanos, Stamp, Vec3, seconds};
+use tandem_wire::{Aabb, Limited, Malformed, Memory, Nanos, Remember, Stamp, Vec3, seconds};
 
 /// Rounding must not raise a flag: a command capped at exactly the limit may come out one bit longer.
 const SLACK: f64 = 1e-9;
@@ -85,6 +85,14 @@ impl Limits {
             )
         });
         Vec3::from(kept)
+    }
+}
+
+impl Remember for Limits {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self { bounds: _, last, at } = self;
+        memory.part(last)?;
+        memory.part(at)
     }
 }
 

@@ -1,8 +1,8 @@
 //! The step machine: one named handler per event, and the arbitration that they lead to.
 
 use tandem_wire::{
-    Claim, Command, Emergency, Envelope, Finite, Label, Latch, Limited, Motion, Node, Numbering, Outbox, Pace,
-    Proposal, Reason, Refusal, Session, Setpoint, Stamp, State, Timing, Unreadable, Vec3,
+    Claim, Command, Emergency, Envelope, Finite, Label, Latch, Limited, Malformed, Memory, Motion, Node, Numbering,
+    Outbox, Pace, Proposal, Reason, Refusal, Remember, Session, Setpoint, Stamp, State, Timing, Unreadable, Vec3,
 };
 
 use crate::authority::{Authority, Helm};
@@ -275,6 +275,31 @@ fn is_silence(reason: Reason) -> bool {
     )
 }
 
+impl Remember for Arbiter {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            timing: _,
+            numbering,
+            hearing,
+            helm,
+            weight,
+            limits,
+            latch,
+            supervisors: _,
+            sent,
+            answered,
+        } = self;
+        numbering.remember(memory)?;
+        hearing.remember(memory)?;
+        helm.remember(memory)?;
+        weight.remember(memory)?;
+        limits.remember(memory)?;
+        memory.part(latch)?;
+        memory.part(sent)?;
+        memory.part(answered)
+    }
+}
+
 impl Node for Arbiter {
     type Event = Event;
     type Output = Output;
@@ -302,5 +327,9 @@ impl Node for Arbiter {
             (Pace::Lockstep, _) | (_, Authority::Closed) => None,
             _ => self.repeat_at().or_else(|| self.hearing.loss_at()),
         }
+    }
+
+    fn trial(&self) -> u32 {
+        self.hearing.robot().map_or(0, |robot| robot.trial.0)
     }
 }

@@ -9,7 +9,7 @@
 //! model, is where the human gets everything. The floor keeps the human's hand on the robot: somebody who corrects
 //! the robot's path at a weight of `ω` must push `1/ω` times as hard.
 
-use tandem_wire::{Guidance, Law, Vec3};
+use tandem_wire::{Guidance, Law, Malformed, Memory, Remember, Vec3};
 
 /// Slower than this, neither human nor robot counts as pushing, in metres per second.
 const PUSH_SPEED: f64 = 0.02;
@@ -142,6 +142,25 @@ impl Weight {
             Law::Constant(weight) => weight.0,
             Law::Attentive => self.attentive(guidance),
         }
+    }
+}
+
+impl Remember for Weight {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            rules: _,
+            omega,
+            tick,
+            pushed,
+            push,
+            unheard,
+        } = self;
+        memory.part(omega)?;
+        memory.check((0.0..=1.0).contains(omega))?;
+        memory.part(tick)?;
+        memory.part(pushed)?;
+        memory.part(push)?;
+        memory.part(unheard)
     }
 }
 

@@ -114,7 +114,9 @@ fn fill(batch: &mut JournalBatch, receiver: &Receiver<Item>) -> Option<Item> {
 
 fn entry_bytes(entry: &JournalEntry) -> usize {
     match &entry.what {
-        Happening::Sample { bytes, .. } | Happening::Output { bytes, .. } => 40 + bytes.len(),
+        Happening::Sample { bytes, .. } | Happening::Output { bytes, .. } | Happening::Snapshot { bytes } => {
+            40 + bytes.len()
+        }
         Happening::Wake | Happening::Presence { .. } | Happening::Stop => 24,
     }
 }

@@ -8,7 +8,8 @@ use std::time::Duration;
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded};
 use tandem_wire::{
-    Delivery, Happening, Input, Nanos, Node, NodeInfo, NodeName, Outbox, Pace, Ports, Stamp, Timing, Topic, codec,
+    Delivery, Happening, Input, Nanos, Node, NodeInfo, NodeName, Outbox, Pace, Ports, SECOND, Stamp, Timing, Topic,
+    codec, snapshot,
 };
 use zenoh::Wait;
 use zenoh::pubsub::Publisher;
@@ -23,6 +24,10 @@ const QUEUE: usize = 4096;
 
 /// In lockstep this much silence after a node's own word means that somebody does not answer.
 const SILENCE: Duration = Duration::from_secs(2);
+
+/// A journal holds a snapshot of its node at least this often, by the node's own time: what a recorder that came late, or
+/// a gap, can cost an execution of the session.
+const SNAPSHOT_EVERY: Nanos = 10 * SECOND;
 
 /// What the shell needs to know besides the node.
 #[derive(Clone, Debug)]
@@ -184,6 +189,8 @@ where
         late: 0,
         spoke: false,
         ticks: lockstep_streams::<N>(),
+        trial: 0,
+        next_snapshot: Stamp(0),
     };
     let thread = std::thread::Builder::new()
         .name(N::NAME.as_str().into())
@@ -231,11 +238,18 @@ struct Shell<N: Node, F> {
     late: u64,
     spoke: bool,
     ticks: Vec<(Topic, u32)>,
+    /// The trial at the last snapshot, and when the next one is due at the latest.
+    trial: u32,
+    next_snapshot: Stamp,
 }
 
 impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
     fn live(mut self, receiver: &Receiver<Item>) -> Report {
         let mut waited = self.await_peers(receiver);
+        if self.options.timing.pace == Pace::Real {
+            self.now = self.clock.now();
+        }
+        self.keep_snapshot();
         loop {
             match waited.pop_front().map_or_else(|| self.next(receiver), Next::Item) {
                 Next::Item(item) if self.is_late(&item) => self.late += 1,
@@ -356,6 +370,22 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
             }
             (self.local)(now, output);
         }
+        self.keep_snapshot();
+    }
+
+    /// Writes into the journal what the node carries on: at the start, where a trial begins, and now and then. Between
+    /// these instants nothing is allocated for it.
+    fn keep_snapshot(&mut self) {
+        let Some(journal) = &mut self.journal else { return };
+        let before = std::mem::replace(&mut self.trial, self.node.trial());
+        let begun = self.trial != 0 && self.trial != before;
+        if !begun && self.now < self.next_snapshot {
+            return;
+        }
+        self.next_snapshot = self.now.after(SNAPSHOT_EVERY);
+        let mut bytes = Vec::new();
+        snapshot(&mut self.node, &mut bytes);
+        journal.write(self.now, self.clock.now(), Happening::Snapshot { bytes });
     }
 
     fn end(self, awaited: Option<NodeName>) -> Report {

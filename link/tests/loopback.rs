@@ -5,8 +5,8 @@ use std::time::Duration;
 use tandem_link::{Clock, Link, Observer, ShellOptions, Sighting, fresh_session, spawn};
 use tandem_wire::codec::to_bytes;
 use tandem_wire::{
-    Command, Deadman, Envelope, Header, Input, JournalBatch, Node, NodeInfo, NodeName, Numbering, Outbox, Pace, Ports,
-    Seq, Session, Stamp, Timing, Topic, Trial, Vec3, decode, encode,
+    Command, Deadman, Envelope, Header, Input, JournalBatch, Malformed, Memory, Node, NodeInfo, NodeName, Numbering,
+    Outbox, Pace, Ports, Remember, Seq, Session, Stamp, Timing, Topic, Trial, Vec3, decode, encode,
 };
 
 const LIMIT: Duration = Duration::from_secs(10);
@@ -44,6 +44,16 @@ impl Node for Echo {
 
     fn deadline(&self) -> Option<Stamp> {
         None
+    }
+
+    fn trial(&self) -> u32 {
+        0
+    }
+}
+
+impl Remember for Echo {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        self.0.remember(memory)
     }
 }
 

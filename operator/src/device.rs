@@ -14,7 +14,8 @@
 //!
 //! The counts let a lost sample hide nothing, and a repeated one do nothing twice.
 
-use tandem_wire::{Deadman, Malformed, Nanos, Stamp, Vec3};
+use bincode::{Decode, Encode};
+use tandem_wire::{Deadman, Malformed, Memory, Nanos, Remember, Stamp, Vec3};
 
 use crate::config::KeyConfig;
 
@@ -24,7 +25,7 @@ const VERSION: u8 = 2;
 const SAMPLE_BYTES: usize = 7;
 
 /// Which keys are down.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Encode, Decode)]
 pub struct Keys(u8);
 
 impl Keys {
@@ -75,7 +76,7 @@ impl Keys {
 }
 
 /// One sample of a keyboard.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Encode, Decode)]
 pub struct DeviceSample {
     /// Which keys are down.
     pub keys: Keys,
@@ -153,7 +154,7 @@ impl DeviceSample {
 /// ```
 ///
 /// Keys that are already down when we first look are `Spent`: they must go up before they count.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 enum Grip {
     Absent,
     Open(Contact),
@@ -162,7 +163,7 @@ enum Grip {
 }
 
 /// The newest sample's arrival and counts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 struct Contact {
     arrived: Stamp,
     sample: DeviceSample,
@@ -274,6 +275,14 @@ impl Keyboard {
             Grip::Absent => None,
             Grip::Open(contact) | Grip::Held(contact, _) | Grip::Spent(contact) => Some(contact),
         }
+    }
+}
+
+impl Remember for Keyboard {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self { config: _, grip, press } = self;
+        memory.part(grip)?;
+        memory.part(press)
     }
 }
 

@@ -19,7 +19,8 @@
 
 use std::collections::VecDeque;
 
-use tandem_wire::{Deadman, Reason, Vec3};
+use bincode::{Decode, Encode};
+use tandem_wire::{Deadman, Malformed, Memory, Reason, Remember, Vec3};
 
 use crate::config::HumanConfig;
 use crate::family::LAST_STEP;
@@ -40,7 +41,7 @@ const REST_TICKS: u32 = 5;
 pub(crate) const MAX_PRESSES: u32 = 20;
 
 /// Why the simulated human waits.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub enum Waiting {
     /// No trial runs.
     NoTrial,
@@ -54,7 +55,7 @@ pub enum Waiting {
 }
 
 /// Why the simulated human let go for good.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum Ended {
     /// The path's last step was reached and the tool came to rest.
     Arrived,
@@ -66,14 +67,14 @@ pub enum Ended {
     TrialOver,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 enum Hand {
     Pressing { since: u32 },
     Moving,
     LetGo,
 }
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
 enum Stage {
     Waiting(Waiting),
     Driving(Drive),
@@ -204,7 +205,7 @@ impl SimulatedHuman {
         let distance = libm::hypot(sight.tool[0] - start[0], sight.tool[1] - start[1]);
         self.stage = if distance <= START_TOLERANCE {
             self.press = self.press.wrapping_add(1);
-            let mut drive = Drive::begin(sight, self.config.draws(self.trial));
+            let mut drive = Drive::begin(sight);
             self.velocity = drive.velocity(sight, &self.config, &self.wish);
             Stage::Driving(drive)
         } else {
@@ -213,10 +214,31 @@ impl SimulatedHuman {
     }
 }
 
+impl Remember for SimulatedHuman {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            config,
+            trial,
+            trial_start,
+            // Drawn anew from the seed and the trial's number.
+            wish,
+            stage,
+            press,
+            velocity,
+        } = self;
+        memory.part(trial)?;
+        memory.part(trial_start)?;
+        *wish = Wish::new(config.path, config.spread, config.draws(*trial));
+        memory.part(stage)?;
+        memory.part(press)?;
+        memory.part(velocity)
+    }
+}
+
 /// One trial's driving.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
 struct Drive {
-    draws: Draws,
+    trial: u32,
     hand: Hand,
     presses: u32,
     began: u32,
@@ -229,9 +251,9 @@ struct Drive {
 }
 
 impl Drive {
-    fn begin(sight: &Sight, draws: Draws) -> Self {
+    fn begin(sight: &Sight) -> Self {
         Self {
-            draws,
+            trial: sight.trial,
             hand: Hand::Pressing { since: sight.tick },
             presses: 1,
             began: sight.tick,
@@ -271,7 +293,7 @@ impl Drive {
         let rest = (RESTING * config.period_s()).max(NOISE_AT_REST * config.noise);
         let [x, y] = self.moved;
         let rests = sight.motion.is_permitted() && self.step >= LAST_STEP && libm::hypot(x, y) < rest;
-        self.rested = if rests { self.rested + 1 } else { 0 };
+        self.rested = if rests { self.rested.saturating_add(1) } else { 0 };
         self.rested >= REST_TICKS
     }
 
@@ -287,7 +309,7 @@ impl Drive {
             Hand::LetGo if self.presses >= MAX_PRESSES => return Err(Ended::GaveUp),
             Hand::LetGo => {
                 *press = press.wrapping_add(1);
-                self.presses += 1;
+                self.presses = self.presses.saturating_add(1);
                 self.hand = Hand::Pressing { since: sight.tick };
             }
             Hand::Pressing { .. } | Hand::Moving => {}
@@ -311,9 +333,8 @@ impl Drive {
         let (Some(wanted), false) = (wanted, self.hand == Hand::LetGo) else {
             return Vec3::ZERO;
         };
-        let noise = self
-            .draws
-            .normal_pair(Stream::Noise, sight.tick.saturating_sub(self.began));
+        let draws = config.draws(self.trial);
+        let noise = draws.normal_pair(Stream::Noise, sight.tick.saturating_sub(self.began));
         let trembling = each(|i| wanted[i] + config.noise * noise[i] / period);
         config.frame.vector_to_base(trembling).capped(config.speed_cap)
     }

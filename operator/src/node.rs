@@ -1,8 +1,10 @@
 //! The step machine.
 
+use bincode::{Decode, Encode};
 use tandem_wire::{
-    Claim, Command, Deadman, Emergency, Envelope, Label, Nanos, Node, NodeName, Numbering, Outbox, Pace, Reason,
-    Refusal, Refusals, SECOND, Session, Stamp, State, StateGuard, TaskFrame, Timing, Trial, Unreadable, Wish,
+    Claim, Command, Deadman, Emergency, Envelope, Label, Malformed, Memory, Nanos, Node, NodeName, Numbering, Outbox,
+    Pace, Reason, Refusal, Refusals, Remember, SECOND, Session, Stamp, State, StateGuard, TaskFrame, Timing, Trial,
+    Unreadable, Wish,
 };
 
 use crate::config::{HumanConfig, HumanSettings, KeyConfig, OperatorSettings, SourceKind};
@@ -75,7 +77,7 @@ pub struct Operator {
 }
 
 /// Whether commands still flow.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 enum Stream {
     /// The next command is due at `due`; `sent` is the deadman that the last one carried.
     Flowing { due: Stamp, sent: Deadman },
@@ -284,6 +286,45 @@ impl Operator {
 /// How long an emergency stop is repeated without an answer.
 const STOP_REPEATED: Nanos = 2 * SECOND;
 
+impl Remember for Operator {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            timing: _,
+            trial_label: _,
+            commands,
+            trials,
+            claims,
+            emergencies,
+            session: _,
+            name: _,
+            stopping,
+            states,
+            refused,
+            eyes,
+            picture,
+            newest_trial,
+            source,
+            stream,
+            pressed,
+            // What the screen shows: a restored operator says it once more.
+            status: _,
+        } = self;
+        commands.remember(memory)?;
+        trials.remember(memory)?;
+        claims.remember(memory)?;
+        emergencies.remember(memory)?;
+        memory.part(stopping)?;
+        memory.part(pressed)?;
+        states.remember(memory)?;
+        memory.part(refused)?;
+        eyes.remember(memory)?;
+        memory.part(picture)?;
+        memory.part(newest_trial)?;
+        source.remember(memory)?;
+        memory.part(stream)
+    }
+}
+
 impl Node for Operator {
     type Event = Event;
     type Output = Output;
@@ -310,5 +351,9 @@ impl Node for Operator {
         }
         let lost = self.picture.live().and_then(|_| self.states.deadline());
         [Some(due), lost, self.source.deadline()].into_iter().flatten().min()
+    }
+
+    fn trial(&self) -> u32 {
+        self.picture.newest().map_or(0, |seen| seen.trial)
     }
 }

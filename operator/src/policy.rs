@@ -11,11 +11,13 @@
 //!
 //! Noise and the speed cap come after, for whoever moves at all: a hand at rest does not tremble the stick.
 
+use bincode::{Decode, Encode};
+
 use crate::config::HumanKind;
 use crate::wish::Wish;
 
 /// What a human sees in one control period, and acts on, perhaps later. Task coordinates.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub(crate) struct Percept {
     /// Where the tool is.
     pub(crate) tool: [f64; 2],

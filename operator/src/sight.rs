@@ -1,9 +1,12 @@
 //! What the operator sees of the robot: the newest state, read for whoever steers.
 
-use tandem_wire::{Envelope, Header, Lease, MessageId, Motion, Seq, Session, State, TaskFrame, Vec3};
+use bincode::{Decode, Encode};
+use tandem_wire::{
+    Envelope, Header, Lease, Malformed, Memory, MessageId, Motion, Remember, Seq, Session, State, TaskFrame, Vec3,
+};
 
 /// The newest state, as far as the operator cares.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct Seen {
     /// Which state.
     pub id: MessageId,
@@ -31,7 +34,7 @@ pub struct Seen {
 ///                  ▲                      │
 ///                  └──────── state ───────┘
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub(crate) enum Picture {
     Never,
     Live(Seen),
@@ -160,6 +163,19 @@ impl Eyes {
                 guidance.velocity.dot(self.frame.y_axis),
             ],
         })
+    }
+}
+
+impl Remember for Eyes {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            frame: _,
+            session,
+            ticks: Ticks { first },
+        } = self;
+        memory.part(session)?;
+        memory.part(first)?;
+        memory.check(first.len() <= REMEMBERED)
     }
 }
 

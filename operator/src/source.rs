@@ -1,6 +1,6 @@
 //! Where motion comes from.
 
-use tandem_wire::{Deadman, Stamp, Vec3};
+use tandem_wire::{Deadman, Malformed, Memory, Remember, Stamp, Vec3};
 
 use crate::config::MAX_SPEED;
 use crate::device::{Asked, DeviceSample, Keyboard};
@@ -88,6 +88,15 @@ impl Source {
         match self {
             Self::Simulated(human) => Activity::Simulated(human.doing()),
             Self::Device(keyboard) => Activity::Keyboard(keyboard.handling()),
+        }
+    }
+}
+
+impl Remember for Source {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        match self {
+            Self::Simulated(human) => human.remember(memory),
+            Self::Device(keyboard) => keyboard.remember(memory),
         }
     }
 }

@@ -4,6 +4,8 @@
 //! at the first crossing in the direction of increasing `x`; whoever never crosses it never gets a forecast. Positions
 //! are compared once per control tick, so the context is interpolated onto the plane.
 
+use tandem_wire::{Malformed, Memory, Remember};
+
 /// A checkpoint: where it is, and the demonstrations' step there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Plane {
@@ -63,6 +65,15 @@ impl Lookout {
             point: [plane.x, here[1] - behind * (here[1] - before[1])],
             phase: plane.step + behind * f64::from(ticks),
         })
+    }
+}
+
+impl Remember for Lookout {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self { planes, passed, before } = self;
+        memory.part(passed)?;
+        memory.check(*passed <= planes.len())?;
+        memory.part(before)
     }
 }
 

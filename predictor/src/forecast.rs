@@ -14,6 +14,7 @@
 //! so that at `c× = 0` the robot keeps the time along the way and leaves to the human on which side of it they go,
 //! until the forecast comes to rest, where there is no way to be across of.
 
+use bincode::{Decode, Encode};
 use tandem_cesn::{Forecast as ModelForecast, Model};
 use tandem_wire::{Finite, Forecast, ForecastPoint, Guidance, Nanos, TaskFrame, Vec3};
 
@@ -49,7 +50,7 @@ impl Following {
 }
 
 /// A forecast and where the movement is on it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub(crate) struct Course {
     number: u32,
     first: u32,
@@ -80,6 +81,13 @@ impl Course {
             ratio_high: model.calibration().rho_hi,
             phase: phase.min(f64::from(last)),
         })
+    }
+
+    /// Whether it is one that [`Self::new`] can have made.
+    pub(crate) fn is_possible(&self) -> bool {
+        let steps = self.last.checked_sub(self.first).map(u64::from);
+        steps.is_some_and(|steps| self.points.len() as u64 == steps + 1)
+            && [self.ratio_high, self.phase].iter().all(|number| number.is_finite())
     }
 
     /// Moves on by so many ticks, up to the last step.

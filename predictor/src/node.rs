@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
+use bincode::{Decode, Encode};
 use tandem_cesn::{Forecaster, Model};
 use tandem_wire::{
-    Envelope, Forecast, Guidance, Header, Node, Numbering, Outbox, Proposal, Refusal, Refusals, Session, Stamp, State,
-    StateGuard, TaskFrame, Timing, Unreadable,
+    Envelope, Forecast, Guidance, Header, Malformed, Memory, Node, Numbering, Outbox, Proposal, Refusal, Refusals,
+    Remember, Session, Stamp, State, StateGuard, TaskFrame, Timing, Unreadable,
 };
 
 use crate::checkpoint::{Crossing, Lookout, Plane};
@@ -59,7 +60,7 @@ pub struct Predictor {
 }
 
 /// The newest tick, and what was decided in it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Encode, Decode)]
 struct Tick {
     number: u32,
     trial: (Session, u32, u32),
@@ -183,6 +184,36 @@ fn trial(header: &Header, state: &State) -> (Session, u32, u32) {
     (header.session, state.trial, state.trial_start)
 }
 
+impl Remember for Predictor {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            timing: _,
+            frame: _,
+            following: _,
+            model: _,
+            // Starts from rest for every forecast.
+            forecaster: _,
+            proposals,
+            forecasts,
+            states,
+            refused,
+            lookout,
+            course,
+            made,
+            tick,
+        } = self;
+        proposals.remember(memory)?;
+        forecasts.remember(memory)?;
+        states.remember(memory)?;
+        memory.part(refused)?;
+        lookout.remember(memory)?;
+        memory.part(course)?;
+        memory.check(course.as_ref().is_none_or(Course::is_possible))?;
+        memory.part(made)?;
+        memory.part(tick)
+    }
+}
+
 impl Node for Predictor {
     type Event = Event;
     type Output = Output;
@@ -197,5 +228,9 @@ impl Node for Predictor {
 
     fn deadline(&self) -> Option<Stamp> {
         None
+    }
+
+    fn trial(&self) -> u32 {
+        self.tick.map_or(0, |tick| tick.trial.1)
     }
 }

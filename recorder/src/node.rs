@@ -4,8 +4,8 @@ use std::mem::discriminant;
 use std::sync::Arc;
 
 use tandem_wire::{
-    Envelope, Motion, Node, NodeName, Outbox, Pace, Reason, SECOND, Setpoint, Stamp, State, Timing, Topic, Trial,
-    Unreadable, seconds,
+    Envelope, Malformed, Memory, Motion, Node, NodeName, Outbox, Pace, Reason, Remember, SECOND, Setpoint, Stamp,
+    State, Timing, Topic, Trial, Unreadable, seconds,
 };
 
 use crate::heard::{Entry, Heard, Level, Note, Sample};
@@ -253,6 +253,13 @@ impl Recorder {
     }
 }
 
+impl Remember for Recorder {
+    /// Nothing: nobody executes a recorder again, for what it hears is the recording itself.
+    fn remember(&mut self, _: &mut Memory<'_>) -> Result<(), Malformed> {
+        Ok(())
+    }
+}
+
 impl Node for Recorder {
     type Event = Event;
     type Output = Output;
@@ -282,6 +289,10 @@ impl Node for Recorder {
             Phase::Hearing { counts_due } => Some(counts_due),
             Phase::Silent | Phase::Closed => None,
         }
+    }
+
+    fn trial(&self) -> u32 {
+        0
     }
 }
 

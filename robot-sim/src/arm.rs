@@ -15,7 +15,7 @@
 
 use nalgebra::Vector3;
 
-use tandem_wire::{Aabb, Vec3};
+use tandem_wire::{Aabb, Malformed, Memory, Remember, Vec3};
 
 use crate::kinematics::{
     Frames, Jacobian, JointVector, POINTING_DOWN, Twist, WEAK, forward, joined, preferred_speeds, resolve,
@@ -103,6 +103,10 @@ const SOFT_MARGIN_RAD: f64 = 0.010;
 const SOFT_BRAKE_SHARE: f64 = 0.3;
 /// The last clamp brakes with more, later.
 const HARD_BRAKE_SHARE: f64 = 0.9;
+/// What rounding may add to a limit, and how far (in m, and m/s) a reference can be, before an arm that is read back is
+/// one that cannot have been.
+const POSSIBLE: f64 = 1.0 + 1e-9;
+const FARTHEST_M: f64 = 10.0;
 /// Slower than this, a stopping joint stands.
 const STANDING_RAD_S: f64 = 1e-7;
 
@@ -285,6 +289,23 @@ impl Arm {
         speeds
     }
 
+    /// Whether an arm can have come to be so: the sums of a tick stay finite for any that can.
+    fn is_possible(&self) -> bool {
+        let within = |values: &PerJoint, limits: &PerJoint| {
+            let mut pairs = values.iter().zip(limits);
+            pairs.all(|(value, limit)| value.abs() <= limit * POSSIBLE)
+        };
+        let in_range = |joint: usize| (POSITION_MIN_RAD[joint]..=POSITION_MAX_RAD[joint]).contains(&self.angles[joint]);
+        (0..JOINTS).all(in_range)
+            && within(&self.speeds, &SPEED_MAX_RAD_S)
+            && within(&self.accelerations, &ACCELERATION_MAX_RAD_S2)
+            && within(&self.planned, &ACCELERATION_MAX_RAD_S2)
+            && self.ticks_to_plan <= TICKS_PER_PLAN
+            && self.reference.position.norm() <= FARTHEST_M
+            && self.reference.velocity.norm() <= FARTHEST_M
+            && self.weakest >= 0.0
+    }
+
     fn slow_down(&self) -> f64 {
         (self.weakest / WEAK).clamp(SLOWEST, 1.0)
     }
@@ -304,6 +325,28 @@ impl Arm {
         self.accelerations[joint] = wished;
         self.speeds[joint] = speed + wished * TICK_S;
         self.angles[joint] = angle + self.speeds[joint] * TICK_S;
+    }
+}
+
+impl Remember for Arm {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            angles,
+            speeds,
+            accelerations,
+            planned,
+            ticks_to_plan,
+            reference,
+            weakest,
+        } = self;
+        for joints in [angles, speeds, accelerations, planned] {
+            memory.part(joints)?;
+        }
+        memory.part(ticks_to_plan)?;
+        memory.part(&mut reference.position)?;
+        memory.part(&mut reference.velocity)?;
+        memory.part(weakest)?;
+        memory.check(self.is_possible())
     }
 }
 

@@ -4,9 +4,10 @@
 //! being listened to, and in order; all ages are by the robot's own clock. Whether an admitted setpoint may move the arm
 //! is then for [`Permission`] to say.
 
+use bincode::{Decode, Encode};
 use tandem_wire::{
-    Deadman, Echoes, Envelope, Guard, Lease, MessageId, Motion, Nanos, Rearm, Reason, Refusal, Refusals, Seq, Setpoint,
-    Stamp, Timing,
+    Deadman, Echoes, Envelope, Guard, Lease, Malformed, Memory, MessageId, Motion, Nanos, Rearm, Reason, Refusal,
+    Refusals, Remember, Seq, Setpoint, Stamp, Timing,
 };
 
 /// The stream of setpoints, as the robot hears it.
@@ -147,11 +148,37 @@ enum Hands {
     Others,
 }
 
+impl Remember for Hearing {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            loop_age_limit: _,
+            setpoints,
+            alive,
+            echoes,
+            outdated,
+            newest,
+            too_old,
+            permission,
+            lease,
+            refused,
+        } = self;
+        setpoints.remember(memory)?;
+        memory.part(alive)?;
+        echoes.remember(memory)?;
+        memory.part(outdated)?;
+        memory.part(newest)?;
+        memory.part(too_old)?;
+        memory.part(permission)?;
+        memory.part(lease)?;
+        memory.part(refused)
+    }
+}
+
 /// Whether a press of the deadman permits motion: [`Rearm`], fed with what setpoints tell about it.
 ///
 /// Setpoints do not carry the deadman itself. One that is held because the human let go says so; one that is held for
 /// any other reason says at least that the press which permitted motion so far does no longer.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Encode, Decode)]
 struct Permission {
     rearm: Rearm,
     /// The press that last permitted motion.

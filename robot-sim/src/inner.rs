@@ -1,6 +1,7 @@
 //! The 1 kHz loop: the arm and the setpoint in force, advanced lazily from one event to the next.
 
-use tandem_wire::{Clearance, Cylinder, Envelope, MILLISECOND, Obeyed, Setpoint, Stamp};
+use bincode::{Decode, Encode};
+use tandem_wire::{Clearance, Cylinder, Envelope, MILLISECOND, Malformed, Memory, Obeyed, Remember, Setpoint, Stamp};
 
 use crate::arm::{Arm, Drive, ToolBounds};
 use crate::kinematics::{Frames, forward};
@@ -20,7 +21,7 @@ pub(crate) struct Inner {
     closest: Option<Clearance>,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Encode, Decode)]
 struct Waiting {
     setpoint: Envelope<Setpoint>,
     arrived: Stamp,
@@ -113,5 +114,26 @@ impl Inner {
         let now = closer_than(None, &frames, obstacles);
         let closest = std::mem::replace(&mut self.closest, now);
         (frames, now, closest)
+    }
+}
+
+/// Time ends behind this tick, and sums of stamps stay below it: some three hundred years.
+const LAST_TICK: u64 = u64::MAX / MILLISECOND / 2;
+
+impl Remember for Inner {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            arm,
+            ticks,
+            waiting,
+            obeyed,
+            closest,
+        } = self;
+        arm.remember(memory)?;
+        memory.part(ticks)?;
+        memory.check(*ticks <= LAST_TICK)?;
+        memory.part(waiting)?;
+        memory.part(obeyed)?;
+        memory.part(closest)
     }
 }

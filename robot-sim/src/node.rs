@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use tandem_wire::{
-    Emergency, Envelope, Latch, MILLISECOND, Motion, Node, Numbering, Outbox, Pace, Reason, Refusal, Scene, Session,
-    Setpoint, Stamp, State, Timing, Trial, Unreadable,
+    Emergency, Envelope, Latch, MILLISECOND, Malformed, Memory, Motion, Node, Numbering, Outbox, Pace, Reason, Refusal,
+    Remember, Scene, Session, Setpoint, Stamp, State, Timing, Trial, Unreadable,
 };
 
 use crate::config::{RobotSimSettings, Surroundings, UnusableScene};
@@ -325,6 +325,39 @@ fn next_multiple(now: Stamp, period: u64) -> Stamp {
     Stamp((now.0 / period).saturating_add(1).saturating_mul(period))
 }
 
+impl Remember for RobotSim {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            timing: _,
+            surroundings: _,
+            states,
+            scenes,
+            hearing,
+            inner,
+            motion,
+            latch,
+            trial,
+            tick,
+            in_step,
+            next_state,
+            next_scene,
+            closed,
+        } = self;
+        states.remember(memory)?;
+        scenes.remember(memory)?;
+        hearing.remember(memory)?;
+        inner.remember(memory)?;
+        memory.part(motion)?;
+        memory.part(latch)?;
+        memory.part(trial)?;
+        memory.part(tick)?;
+        memory.part(in_step)?;
+        memory.part(next_state)?;
+        memory.part(next_scene)?;
+        memory.part(closed)
+    }
+}
+
 impl Node for RobotSim {
     type Event = Event;
     type Output = Output;
@@ -353,5 +386,9 @@ impl Node for RobotSim {
     fn deadline(&self) -> Option<Stamp> {
         let streams = self.timing.pace == Pace::Real && !self.closed;
         streams.then(|| self.next_state.min(self.next_scene))
+    }
+
+    fn trial(&self) -> u32 {
+        self.trial.number
     }
 }

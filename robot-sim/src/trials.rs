@@ -1,9 +1,10 @@
 //! Which trial runs, and whose marks begin and end it.
 
+use bincode::{Decode, Encode};
 use tandem_wire::{Envelope, Session, Trial};
 
 /// Which trial runs.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Encode, Decode)]
 pub(crate) struct Running {
     /// 0 if none runs.
     pub(crate) number: u32,

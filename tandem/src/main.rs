@@ -15,6 +15,7 @@ mod sweep;
 mod table;
 mod train;
 mod trial;
+mod trial_report;
 mod verify;
 
 use std::process::ExitCode;
@@ -76,6 +77,8 @@ enum Subcommands {
 
 #[derive(Subcommand)]
 enum TrialCommands {
+    /// Evaluates a run: figures per condition, tests between them, and a page with every trial.
+    Report(trial_report::ReportFlags),
     /// Runs simulated trials under virtual time: humans × departures × laws × seeds × contexts.
     Sweep(sweep::SweepFlags),
 }
@@ -109,6 +112,9 @@ fn main() -> ExitCode {
         Subcommands::Recorder(flags) => nodes::recorder(&flags),
         Subcommands::Replay(flags) => replay::run(&flags),
         Subcommands::Session { command } => session::run(&command),
+        Subcommands::Trial {
+            command: TrialCommands::Report(flags),
+        } => trial_report::run(&flags),
         Subcommands::Train(flags) => train::run(&flags),
         Subcommands::Forecast(flags) => forecast::run(&flags),
         Subcommands::Trial {
@@ -125,6 +131,7 @@ fn main() -> ExitCode {
         Err(error) => {
             eprintln!("tandem: {error:#}");
             let bad_usage = error.is::<configuration::BadConfiguration>()
+                || error.is::<trial_report::BadRequest>()
                 || error.downcast_ref::<LinkError>().is_some_and(LinkError::is_bad_usage);
             ExitCode::from(if bad_usage { 2 } else { 1 })
         }

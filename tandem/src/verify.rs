@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use tandem_recorder::Evidence;
-use tandem_trials::{Divergence, EPSILON, Findings, Overall, RunFinding, Verdict, reexecute};
+use tandem_trials::{Difference, Divergence, EPSILON, Findings, Overall, RunFinding, Verdict, reexecute};
 use tandem_wire::{NodeName, seconds};
 
 use crate::configuration::BadConfiguration;
@@ -147,6 +147,8 @@ fn run_json(run: &RunFinding) -> Value {
         "verdict": run.verdict.as_str(),
         "steps": run.steps,
         "outputs": run.outputs,
+        "snapshots": run.snapshots,
+        "resumed_at": run.resumed,
         "span_s": seconds(run.span),
         "stopped": run.stopped,
     });
@@ -172,6 +174,10 @@ fn divergence_json(divergence: &Divergence) -> Value {
         "entry": divergence.entry,
         "at_ns": divergence.at.0,
         "topic": divergence.topic.to_string(),
+        "what": match divergence.difference {
+            Difference::State { .. } => "state",
+            _ => "output",
+        },
         "fields": fields,
         "text": divergence.to_string(),
     })

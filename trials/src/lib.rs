@@ -20,6 +20,7 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+mod again;
 mod blueprint;
 mod configuration;
 mod fields;
@@ -27,6 +28,7 @@ mod latency;
 mod measures;
 pub mod plan;
 mod reexecute;
+pub mod report;
 pub mod run;
 mod smoothness;
 pub mod statistics;

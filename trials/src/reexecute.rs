@@ -9,19 +9,18 @@
 //!
 //! Each node is fed from its own journal, so a difference in one does not spread to the others, and a node that
 //! diverges is the one whose code, settings or arithmetic changed. The recorder is none of them: what it hears is the
-//! recording itself.
+//! recording itself. How one journal is followed is in `again.rs`.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::BTreeSet;
 
 use tandem_cesn::Model;
 use tandem_recorder::{Evidence, RecordedNode, Run};
 use tandem_settings::Document;
-use tandem_wire::{
-    Happening, Input, JournalBatch, JournalEntry, Nanos, Node, NodeName, Outbox, Ports, Session, Stamp, Topic,
-};
+use tandem_wire::{JournalBatch, NodeName, Session, Topic};
 
-use crate::fields::{Comparison, compare};
-use crate::verdict::{Difference, Divergence, Findings, Missing, RunFinding, Verdict};
+use crate::again::{Ran, follow};
+use crate::blueprint::Unbuildable;
+use crate::verdict::{Findings, Missing, RunFinding, Verdict};
 use crate::{Blueprint, Configuration};
 
 /// The nodes of the loop, and what each says at every step: hearing that tells of a node without a journal.
@@ -83,8 +82,10 @@ fn judge(evidence: &Evidence, run: Run, tick: &mut dyn FnMut(u64)) -> RunFinding
         verdict,
         steps: ran.steps,
         outputs: ran.outputs,
-        span: ran.span(),
+        snapshots: ran.snapshots,
+        span: ran.span,
         stopped: ran.stopped,
+        resumed: ran.resumed,
     }
 }
 
@@ -95,19 +96,19 @@ fn execute(
     journal: &[JournalBatch],
     tick: &mut dyn FnMut(u64),
 ) -> Result<(Verdict, Ran), Missing> {
-    let unbuildable = |why: &dyn std::error::Error| Missing::Buildable { why: why.to_string() };
     let model = match run.node {
         NodeName::Predictor => Some(model(evidence, recorded)?),
         _ => None,
     };
     let blueprint = blueprint(run.session, recorded, model)?;
-    Ok(match run.node {
-        NodeName::Operator => follow(blueprint.operator(), journal, tick),
-        NodeName::Predictor => follow(blueprint.predictor().map_err(|why| unbuildable(&why))?, journal, tick),
-        NodeName::Arbiter => follow(blueprint.arbiter().map_err(|why| unbuildable(&why))?, journal, tick),
-        NodeName::RobotSim => follow(blueprint.robot_sim().map_err(|why| unbuildable(&why))?, journal, tick),
-        NodeName::Recorder => return Err(Missing::Journal),
-    })
+    let unbuildable = |why: Unbuildable| Missing::Buildable { why: why.to_string() };
+    match run.node {
+        NodeName::Operator => follow(|| Ok(blueprint.operator()), journal, tick),
+        NodeName::Predictor => follow(|| blueprint.predictor().map_err(unbuildable), journal, tick),
+        NodeName::Arbiter => follow(|| blueprint.arbiter().map_err(unbuildable), journal, tick),
+        NodeName::RobotSim => follow(|| blueprint.robot_sim().map_err(unbuildable), journal, tick),
+        NodeName::Recorder => Err(Missing::Journal),
+    }
 }
 
 fn model(evidence: &Evidence, recorded: &RecordedNode) -> Result<Model, Missing> {
@@ -123,154 +124,4 @@ fn blueprint(session: Session, recorded: &RecordedNode, model: Option<Model>) ->
     let mut configuration = read.map_err(|why| unreadable(why.to_string()))?;
     configuration.rates.seed = recorded.seed;
     Blueprint::new(configuration, session, model).map_err(|why| unreadable(why.to_string()))
-}
-
-/// What was executed of a run.
-#[derive(Clone, Copy, Debug, Default)]
-struct Ran {
-    steps: u64,
-    outputs: u64,
-    began: Option<Stamp>,
-    now: Stamp,
-    stopped: bool,
-}
-
-impl Ran {
-    fn span(&self) -> Nanos {
-        self.began.map_or(0, |began| self.now.since(began))
-    }
-}
-
-/// Follows a journal entry by entry, as far as it goes without a gap.
-fn follow<N: Ports>(node: N, journal: &[JournalBatch], tick: &mut dyn FnMut(u64)) -> (Verdict, Ran) {
-    let mut again = Again::new(node);
-    let mut next = 0_u64;
-    for part in journal {
-        if part.first > next {
-            return (Verdict::Incomplete(gap(next, part)), again.ran);
-        }
-        for (entry, index) in part.entries.iter().zip(part.first..) {
-            // A part that was sent twice holds what has been executed already.
-            if index < next {
-                continue;
-            }
-            if let Err(divergence) = again.take(index, entry) {
-                return (Verdict::Diverged(divergence), again.ran);
-            }
-            next = index.saturating_add(1);
-        }
-        tick(part.entries.len() as u64);
-    }
-    (again.verdict(next), again.ran)
-}
-
-fn gap(next: u64, part: &JournalBatch) -> Missing {
-    if next == 0 {
-        return Missing::Beginning { first: part.first };
-    }
-    Missing::Gap {
-        from: next,
-        to: part.first - 1,
-        lost: part.lost.min(part.first - next),
-    }
-}
-
-/// A node at work again.
-struct Again<N: Node> {
-    node: N,
-    outbox: Outbox<N::Output>,
-    /// What it answered to the last input and the journal has not confirmed yet.
-    unconfirmed: VecDeque<(Topic, Vec<u8>)>,
-    /// The largest difference that was small enough, and where it was.
-    closest: Option<(f64, String)>,
-    ran: Ran,
-}
-
-impl<N: Ports> Again<N> {
-    fn new(node: N) -> Self {
-        Self {
-            node,
-            outbox: Outbox::default(),
-            unconfirmed: VecDeque::new(),
-            closest: None,
-            ran: Ran::default(),
-        }
-    }
-
-    fn take(&mut self, index: u64, entry: &JournalEntry) -> Result<(), Box<Divergence>> {
-        let input = match &entry.what {
-            Happening::Output { topic, bytes } => return self.confirm(index, *topic, bytes),
-            Happening::Sample { topic, bytes } => Input::Sample { topic: *topic, bytes },
-            Happening::Wake => Input::Wake,
-            Happening::Presence { peer, alive } => Input::Presence {
-                peer: *peer,
-                alive: *alive,
-            },
-            Happening::Stop => Input::Stop,
-        };
-        if let Some((topic, _)) = self.unconfirmed.front() {
-            return Err(self.divergence(index, *topic, Difference::Additional));
-        }
-        self.ran.began.get_or_insert(entry.at);
-        self.ran.now = entry.at;
-        self.ran.steps += 1;
-        self.ran.stopped = input == Input::Stop;
-        self.node.step(entry.at, N::event(input), &mut self.outbox);
-        for output in self.outbox.drain() {
-            let mut bytes = Vec::new();
-            if let Some(topic) = N::sample(&output, &mut bytes) {
-                self.unconfirmed.push_back((topic, bytes));
-            }
-        }
-        Ok(())
-    }
-
-    /// Compares a recorded output with what came out now.
-    fn confirm(&mut self, index: u64, topic: Topic, recorded: &[u8]) -> Result<(), Box<Divergence>> {
-        let difference = match self.unconfirmed.pop_front() {
-            None => Difference::Absent,
-            Some((now, _)) if now != topic => Difference::Topic(now),
-            Some((_, again)) if again == recorded => {
-                self.ran.outputs += 1;
-                return Ok(());
-            }
-            Some((_, again)) => match compare(topic, recorded, &again) {
-                Comparison::Close { largest, path } => {
-                    self.ran.outputs += 1;
-                    if self.closest.as_ref().is_none_or(|(before, _)| largest > *before) {
-                        self.closest = Some((largest, format!("{topic}.{path}")));
-                    }
-                    return Ok(());
-                }
-                Comparison::Differ(fields) => Difference::Fields(fields),
-                Comparison::Opaque => Difference::Bytes,
-            },
-        };
-        Err(self.divergence(index, topic, difference))
-    }
-
-    fn divergence(&self, entry: u64, topic: Topic, difference: Difference) -> Box<Divergence> {
-        Box::new(Divergence {
-            step: self.ran.steps,
-            entry,
-            at: self.ran.now,
-            topic,
-            difference,
-        })
-    }
-
-    /// The verdict on a journal without a gap that ends before entry `next`.
-    fn verdict(&self, next: u64) -> Verdict {
-        // Answers that a killed node did not write down any more prove nothing; those of one that stopped do.
-        if self.ran.stopped && !self.unconfirmed.is_empty() {
-            return Verdict::Incomplete(Missing::End { from: next });
-        }
-        match &self.closest {
-            None => Verdict::Identical,
-            Some((largest, field)) => Verdict::Close {
-                largest: *largest,
-                field: field.clone(),
-            },
-        }
-    }
 }

@@ -40,10 +40,14 @@ pub struct RunFinding {
     pub steps: u64,
     /// Outputs compared, and the same.
     pub outputs: u64,
-    /// How much of the node's own time they cover.
+    /// Snapshots of the node's state compared, and the same.
+    pub snapshots: u64,
+    /// How much of the node's own time they cover, without what lies in gaps.
     pub span: Nanos,
     /// Whether the journal ends because the node was asked to end.
     pub stopped: bool,
+    /// The journal entries, snapshots all, from which it was executed on because entries before them are missing.
+    pub resumed: Vec<u64>,
 }
 
 /// How a run came out.
@@ -92,6 +96,15 @@ pub enum Difference {
     Absent,
     /// It comes out now and was not recorded.
     Additional,
+    /// What the node carries on from step to step is something else, though no output has shown it yet.
+    State {
+        /// The first byte of the snapshot that differs.
+        from: usize,
+        /// The length of the snapshot that was recorded, in bytes.
+        recorded: usize,
+        /// The length of the one that comes out now.
+        again: usize,
+    },
 }
 
 /// What re-execution lacks.
@@ -211,7 +224,12 @@ impl fmt::Display for RunFinding {
                 )?;
             }
             Verdict::Diverged(divergence) => return write!(f, " at {divergence}"),
-            Verdict::Incomplete(missing) => write!(f, ": {missing}")?,
+            Verdict::Incomplete(missing) => {
+                write!(f, ": {missing}")?;
+                for entry in &self.resumed {
+                    write!(f, "; the same from the snapshot at entry {entry} on")?;
+                }
+            }
         }
         if self.steps > 0 {
             let counted = (self.steps, self.outputs, seconds(self.span));
@@ -237,6 +255,11 @@ impl fmt::Display for Divergence {
             Difference::Topic(now) => write!(f, ": an output on {now} instead"),
             Difference::Absent => f.write_str(": recorded, but does not come out again"),
             Difference::Additional => f.write_str(": comes out, but was not recorded"),
+            Difference::State { from, recorded, again } => write!(
+                f,
+                ": the node's state differs from byte {from} of its snapshot on ({recorded} bytes recorded, {again} now), \
+                 though no output has shown it yet"
+            ),
         }
     }
 }

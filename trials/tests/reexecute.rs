@@ -7,7 +7,7 @@ use tandem_robot_sim::RobotSim;
 use tandem_trials::{Blueprint, Configuration, Difference, Findings, Missing, Overall, Verdict, reexecute};
 use tandem_wire::{
     Envelope, Happening, Input, JournalBatch, JournalEntry, MILLISECOND, Node, NodeName, Outbox, Ports, Session, Stamp,
-    State, Topic, decode, encode,
+    State, Topic, decode, encode, snapshot,
 };
 
 const RUN: Run = Run {
@@ -257,4 +257,100 @@ fn a_stamp_at_the_end_of_time_neither_hangs_nor_panics() {
     let what = Happening::Wake;
     entries.push(JournalEntry { at, wall: at, what });
     assert_eq!(verdict(whole(&entries)), Verdict::Identical);
+}
+
+/// The same journal with a snapshot in front of every tenth step.
+fn with_snapshots() -> Vec<JournalEntry> {
+    let blueprint = Blueprint::new(Configuration::default(), RUN.session, None).expect("the defaults fit");
+    let mut node = blueprint.robot_sim().expect("the defaults fit");
+    let mut entries = Vec::new();
+    let mut now = Stamp(0);
+    for step in 0..60 {
+        if step % 10 == 0 {
+            let mut bytes = Vec::new();
+            snapshot(&mut node, &mut bytes);
+            let what = Happening::Snapshot { bytes };
+            entries.push(JournalEntry {
+                at: now,
+                wall: now,
+                what,
+            });
+        }
+        feed(&mut node, now, Input::Wake, &mut entries);
+        now = node.deadline().unwrap_or(now.after(MILLISECOND)).max(now);
+    }
+    feed(&mut node, now, Input::Stop, &mut entries);
+    entries
+}
+
+fn snapshots_in(entries: &[JournalEntry]) -> Vec<usize> {
+    let is_snapshot = |at: &usize| matches!(entries[*at].what, Happening::Snapshot { .. });
+    (0..entries.len()).filter(is_snapshot).collect()
+}
+
+#[test]
+fn snapshots_on_the_way_are_compared() {
+    let entries = with_snapshots();
+    let run = found(whole(&entries)).runs.remove(0);
+    assert_eq!((run.verdict, run.snapshots, run.steps), (Verdict::Identical, 6, 61));
+    assert!(run.resumed.is_empty());
+}
+
+#[test]
+fn a_recording_that_begins_late_is_executed_from_its_first_snapshot() {
+    let entries = with_snapshots();
+    let at = snapshots_in(&entries)[2];
+    let run = found(vec![part(&entries, at - 3..entries.len())]).runs.remove(0);
+    let first = at as u64 - 3;
+    assert_eq!(run.verdict, Verdict::Incomplete(Missing::Beginning { first }));
+    assert_eq!(run.resumed, [at as u64]);
+    assert_eq!((run.steps, run.stopped), (41, true));
+    let words = run.to_string();
+    assert!(
+        words.contains(&format!("the same from the snapshot at entry {at} on")),
+        "{words}"
+    );
+}
+
+#[test]
+fn behind_a_hole_a_snapshot_lets_execution_go_on_and_the_hole_is_still_named() {
+    let entries = with_snapshots();
+    let at = snapshots_in(&entries)[3];
+    let parts = |entries: &[JournalEntry]| vec![part(entries, 0..20), part(entries, at - 5..entries.len())];
+    let run = found(parts(&entries)).runs.remove(0);
+    let (from, to, lost) = (20, at as u64 - 6, 0);
+    assert_eq!(run.verdict, Verdict::Incomplete(Missing::Gap { from, to, lost }));
+    assert_eq!((run.resumed, run.stopped), (vec![at as u64], true));
+
+    let mut changed = entries.clone();
+    let last = last_state(&changed);
+    edit(&mut changed[last], |state| state.trial = 9);
+    assert!(matches!(verdict(parts(&changed)), Verdict::Diverged(_)));
+}
+
+#[test]
+fn another_state_is_a_divergence_before_any_output_shows_it() {
+    let mut entries = with_snapshots();
+    let at = snapshots_in(&entries)[1];
+    let Happening::Snapshot { bytes } = &mut entries[at].what else {
+        panic!("a snapshot");
+    };
+    let last = bytes.len() - 1;
+    bytes[last] ^= 1;
+    match difference(&entries) {
+        Difference::State { from, recorded, again } => assert_eq!((from, recorded, again), (last, last + 1, last + 1)),
+        other => panic!("{other:?}"),
+    }
+    let words = found(whole(&entries)).runs[0].to_string();
+    assert!(words.contains("the node's state differs"), "{words}");
+}
+
+#[test]
+fn a_snapshot_that_cannot_be_read_is_passed_over_for_the_next() {
+    let mut entries = with_snapshots();
+    let at = snapshots_in(&entries);
+    entries[at[2]].what = Happening::Snapshot { bytes: vec![1, 2, 3] };
+    let run = found(vec![part(&entries, at[2]..entries.len())]).runs.remove(0);
+    assert_eq!(run.resumed, [at[3] as u64]);
+    assert!(matches!(run.verdict, Verdict::Incomplete(Missing::Beginning { .. })));
 }

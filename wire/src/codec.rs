@@ -28,7 +28,7 @@ pub const HEADER_BYTES: usize = 32;
 const BODY_LIMIT: usize = 16 * 1024 * 1024;
 
 /// What stands in front of every message.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Encode, Decode)]
 pub struct Header {
     /// Control periods since the robot started; ticks never restart within a session of the robot.
     pub tick: u32,
@@ -52,7 +52,7 @@ impl Header {
 }
 
 /// A message with its header.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct Envelope<M> {
     /// Who, which and when.
     pub header: Header,
@@ -118,8 +118,7 @@ pub fn encode<M: Message>(message: &Envelope<M>, bytes: &mut Vec<u8>) {
     bytes.extend_from_slice(&header.session.0.to_le_bytes());
     bytes.extend_from_slice(&header.seq.0.to_le_bytes());
     bytes.extend_from_slice(&header.sent.0.to_le_bytes());
-    bincode::encode_into_std_write(&message.body, bytes, configuration())
-        .expect("our messages hold no borrowed cells or locks, and a Vec takes every byte");
+    append(&message.body, bytes);
 }
 
 /// Reads a message, refusing whatever its layout does not promise.
@@ -178,6 +177,20 @@ fn malformed(error: &DecodeError, length: usize) -> Malformed {
         DecodeError::LimitExceeded => Malformed::Oversized(length),
         _ => Malformed::Body,
     }
+}
+
+/// Writes a value in the body's format behind what is there.
+pub(crate) fn append<T: Encode>(value: &T, bytes: &mut Vec<u8>) {
+    bincode::encode_into_std_write(value, bytes, configuration())
+        .expect("our types hold no borrowed cells or locks, and a Vec takes every byte");
+}
+
+/// Reads a value in the body's format from the front of `bytes`, which moves on behind it.
+pub(crate) fn take<T: Decode<()>>(bytes: &mut &[u8]) -> Result<T, Malformed> {
+    let (value, used) =
+        bincode::decode_from_slice(bytes, configuration()).map_err(|error| malformed(&error, bytes.len()))?;
+    *bytes = bytes.get(used..).unwrap_or_default();
+    Ok(value)
 }
 
 /// Writes a value in the body's format, for what is stored rather than sent.

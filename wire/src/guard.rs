@@ -14,7 +14,7 @@ pub use states::StateGuard;
 
 use bincode::{Decode, Encode};
 
-use crate::{Header, MILLISECOND, Malformed, MessageId, Nanos, Session, Stamp};
+use crate::{Header, MILLISECOND, Malformed, Memory, MessageId, Nanos, Remember, Session, Stamp};
 
 /// Why a message was dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, thiserror::Error)]
@@ -151,6 +151,18 @@ impl Guard {
     #[must_use]
     pub fn session(&self) -> Option<Session> {
         self.newest.map(|id| id.session)
+    }
+}
+
+impl Remember for Guard {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self {
+            timeout: _,
+            newest,
+            arrived,
+        } = self;
+        memory.part(newest)?;
+        memory.part(arrived)
     }
 }
 

@@ -44,6 +44,12 @@ pub enum Happening {
         /// The bytes.
         bytes: Vec<u8>,
     },
+    /// What the node carried between the entries before and behind this one: whoever lacks the entries before can
+    /// execute from here on.
+    Snapshot {
+        /// See [`snapshot`](crate::snapshot()).
+        bytes: Vec<u8>,
+    },
 }
 
 impl From<Input<'_>> for Happening {

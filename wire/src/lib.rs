@@ -20,6 +20,7 @@ mod journal;
 pub mod keys;
 mod label;
 mod lease;
+mod memory;
 pub mod messages;
 mod node;
 mod reason;
@@ -35,6 +36,7 @@ pub use journal::{Happening, JournalBatch, JournalEntry};
 pub use keys::{Delivery, NodeName, RobotName, Topic};
 pub use label::{LABEL_BYTES, Label};
 pub use lease::{Claim, Lease, Wish};
+pub use memory::{Memory, Remember, restore, snapshot};
 pub use messages::{
     Body, Clearance, Command, Cylinder, Deadman, Forecast, ForecastPoint, Guidance, JOINTS, LINKS, Law, Limited,
     NodeInfo, Numbering, Obeyed, Proposal, Scene, Setpoint, State, Trial, Used,

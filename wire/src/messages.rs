@@ -5,7 +5,10 @@ use bincode::{Decode, Encode};
 
 use crate::codec::{Envelope, Message};
 use crate::guard::Refusals;
-use crate::{Aabb, Claim, Emergency, Finite, Lease, MessageId, Motion, Nanos, Pose, Seq, Session, Stamp, Topic, Vec3};
+use crate::{
+    Aabb, Claim, Emergency, Finite, Lease, Malformed, Memory, MessageId, Motion, Nanos, Pose, Remember, Seq, Session,
+    Stamp, Topic, Vec3,
+};
 
 /// Joints of the arm.
 pub const JOINTS: usize = 7;
@@ -323,7 +326,7 @@ message!(Emergency, Topic::Emergency, 128);
 message!(NodeInfo, Topic::Info(crate::NodeName::Operator), 1 << 24);
 
 /// Numbers the messages of one stream.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Numbering {
     session: Session,
     seq: Seq,
@@ -348,5 +351,12 @@ impl Numbering {
             },
             body,
         }
+    }
+}
+
+impl Remember for Numbering {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self { session: _, seq } = self;
+        memory.part(seq)
     }
 }

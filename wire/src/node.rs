@@ -1,13 +1,14 @@
 //! What a node is: a value with one door.
 
-use crate::{Malformed, NodeName, Stamp, Topic};
+use crate::{Malformed, NodeName, Remember, Stamp, Topic};
 
 /// A pure step machine.
 ///
 /// Inside [`step`](Self::step) there is no clock, randomness from outside, thread, log line or I/O: the same
 /// events at the same stamps give the same outputs, byte for byte, on every machine. That is what lets a
-/// recorded session be executed again. `step` is total: whatever comes in becomes state and outputs.
-pub trait Node {
+/// recorded session be executed again. `step` is total: whatever comes in becomes state and outputs. What a node carries
+/// from one step to the next passes through [`Remember`], so that an execution can begin in the middle.
+pub trait Node: Remember {
     /// Everything that can happen to the node.
     type Event;
     /// Everything that the node can cause.
@@ -18,6 +19,10 @@ pub trait Node {
 
     /// When the node next wants to be woken without any event from outside; `None` if never.
     fn deadline(&self) -> Option<Stamp>;
+
+    /// The running trial as far as the node knows, 0 if none runs. Where another one begins, the shell takes a
+    /// [`snapshot`](crate::snapshot).
+    fn trial(&self) -> u32;
 }
 
 /// Where a step leaves its outputs, in order. Reused from step to step, so it stops allocating.

@@ -2,6 +2,7 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::paired::rank_biserial;
@@ -11,7 +12,7 @@ use super::{Unfit, check, deviation, mean};
 const RESAMPLES: u32 = 4_000;
 
 /// An effect with its bootstrap interval.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Interval {
     /// The effect in the samples as they are.
     pub value: f64,

@@ -2,6 +2,7 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use serde::Serialize;
 
 use super::{Unfit, check, deviation, mean, p_of_t, p_of_z, ranks};
 
@@ -13,7 +14,7 @@ const DRAWS: u32 = 20_000;
 const EXACT_RANKS: usize = 100;
 
 /// Effects of a paired comparison.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Differences {
     /// The mean difference, in the samples' unit.
     pub mean: f64,
@@ -68,7 +69,7 @@ fn spread(differences: &[f64]) -> Result<(f64, f64), Unfit> {
 }
 
 /// A paired t-test.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PairedT {
     /// The statistic; its sign is that of the mean difference.
     pub t: f64,
@@ -95,7 +96,7 @@ pub fn paired_t(differences: &[f64]) -> Result<PairedT, Unfit> {
 }
 
 /// A Wilcoxon signed-rank test.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Signed {
     /// The smaller one of the two sums of ranks.
     pub w: f64,
@@ -191,7 +192,7 @@ impl SignedRanks {
 }
 
 /// A permutation test of paired differences.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Permutation {
     /// Two-sided.
     pub p: f64,

@@ -1,9 +1,11 @@
 //! Two independent samples: what the paper tests.
 
+use serde::Serialize;
+
 use super::{Unfit, check, mean, p_of_t, p_of_z, ranks, squares};
 
 /// A two-sample t-test.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TwoSampleT {
     /// The statistic; negative if the first sample's mean is the smaller one.
     pub t: f64,
@@ -14,7 +16,7 @@ pub struct TwoSampleT {
 }
 
 /// A Mann–Whitney U test.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RankSum {
     /// Pairs in which the first sample's value is the larger one, ties counting half.
     pub u: f64,

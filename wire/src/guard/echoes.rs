@@ -1,9 +1,7 @@
 //! How old the knowledge of a message's maker was.
 
-use bincode::{Decode, Encode};
-
 use super::Refusal;
-use crate::{MessageId, Nanos, Seq, Session, Stamp};
+use crate::{Malformed, Memory, MessageId, Nanos, Remember, Seq, Session, Stamp};
 
 /// How many states [`Echoes`] remembers: 5 s at 50 Hz, ten times the default limit on loop age.
 const REMEMBERED: usize = 256;
@@ -11,7 +9,7 @@ const REMEMBERED: usize = 256;
 /// Remembers when states were sent (or seen), to tell how old the state was that an answer was made from.
 ///
 /// A backlog that arrives in order looks fresh; its echoes do not.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Echoes {
     session: Option<Session>,
     slots: Vec<(Seq, Stamp)>,
@@ -52,6 +50,15 @@ impl Echoes {
             Some(age) if age <= limit => Ok(age),
             _ => Err(Refusal::LoopTooOld),
         }
+    }
+}
+
+impl Remember for Echoes {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self { session, slots } = self;
+        memory.part(session)?;
+        memory.part(slots)?;
+        memory.check(slots.len() == REMEMBERED)
     }
 }
 

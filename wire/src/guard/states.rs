@@ -1,9 +1,7 @@
 //! The stream of states, for whoever counts time by the robot's ticks.
 
-use bincode::{Decode, Encode};
-
 use super::{Guard, Refusal};
-use crate::{Header, MessageId, Nanos, Pace, Session, Stamp, Timing};
+use crate::{Header, Malformed, Memory, MessageId, Nanos, Pace, Remember, Session, Stamp, Timing};
 
 /// Ticks may run ahead of the time that has passed by so many: a state that was held up for two seconds at the usual
 /// control period. A forged one further on than this would freeze whatever advances with the tick.
@@ -13,7 +11,7 @@ const LEAP: u32 = 20;
 ///
 /// Ticks never restart within a session, so whoever counts by them keeps the largest one it has seen: one state of the
 /// last tick there is would be the last to count. In lockstep the tick is the time, and only the leap is bounded.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct StateGuard {
     guard: Guard,
     /// The control period; zero in lockstep, where no clock bounds the tick.
@@ -85,6 +83,14 @@ impl StateGuard {
     #[must_use]
     pub fn session(&self) -> Option<Session> {
         self.guard.session()
+    }
+}
+
+impl Remember for StateGuard {
+    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
+        let Self { guard, period: _, tick } = self;
+        guard.remember(memory)?;
+        memory.part(tick)
     }
 }
 

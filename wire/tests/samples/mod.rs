@@ -220,6 +220,7 @@ pub(crate) fn journal() -> JournalBatch {
                 bytes: vec![3],
             }),
             entry(Happening::Stop),
+            entry(Happening::Snapshot { bytes: vec![4, 5] }),
         ],
     }
 }

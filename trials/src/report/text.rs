@@ -1,0 +1,103 @@
+//! The report for a terminal.
+
+use super::Report;
+use super::quantities::{EFFORT, QUANTITIES};
+use super::sentences::{STEPS_ARE_NOT_INDEPENDENT, group_name};
+
+/// What a terminal's table shows of each condition.
+const COLUMNS: [&str; 5] = [
+    EFFORT,
+    "weight_mean_after",
+    "tracking_wish_after_mean_m",
+    "tracking_forecast_mean_m",
+    "min_clearance_m",
+];
+
+impl Report {
+    /// The report as text for a terminal: figures per condition, then what the tests mean.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let mut parts = vec![self.overview()];
+        parts.extend(self.groups.iter().map(|group| self.conditions_text(group)));
+        let paired: Vec<String> = self
+            .comparisons
+            .iter()
+            .map(|one| format!("  {}", self.meaning(one)))
+            .collect();
+        if !paired.is_empty() {
+            parts.push(format!("Paired tests, one value per trial:\n{}", paired.join("\n")));
+        }
+        let steps: Vec<String> = self
+            .comparisons
+            .iter()
+            .filter_map(|one| Some(format!("  {}", self.steps_meaning(one, one.steps.as_ref()?))))
+            .collect();
+        if !steps.is_empty() {
+            parts.push(format!(
+                "The paper's tests, one sample per step:\n{}\n  {STEPS_ARE_NOT_INDEPENDENT}",
+                steps.join("\n")
+            ));
+        }
+        parts.push(self.controls_meaning());
+        let unreadable = self.setup.unreadable.iter().map(|why| format!("not read: {why}"));
+        parts.extend(unreadable);
+        parts.join("\n\n")
+    }
+
+    fn conditions_text(&self, group: &str) -> String {
+        let known = QUANTITIES.iter().filter(|quantity| COLUMNS.contains(&quantity.key));
+        let shown: Vec<_> = known
+            .filter(|quantity| {
+                self.summaries
+                    .iter()
+                    .any(|summary| summary.mean(quantity.key).is_some())
+            })
+            .collect();
+        let mut head = vec![group_name(group), "trials".into(), "steps".into(), "success".into()];
+        head.extend(shown.iter().map(|quantity| match quantity.unit {
+            "" => quantity.label.to_owned(),
+            unit => format!("{}, {unit}", quantity.label),
+        }));
+        let mut rows = vec![head];
+        for (condition, label) in &self.setup.conditions {
+            let Some(summary) = self.summary(condition, group) else {
+                continue;
+            };
+            let mut row = vec![label.clone(), summary.trials.to_string(), summary.steps.to_string()];
+            row.push(format!("{}/{}", summary.successes, summary.trials));
+            row.extend(shown.iter().map(|quantity| match summary.mean(quantity.key) {
+                Some(mean) => {
+                    let margin = mean.margin.map(|margin| format!(" ± {}", quantity.shown(margin)));
+                    format!("{}{}", quantity.shown(mean.mean), margin.unwrap_or_default())
+                }
+                None => "–".to_owned(),
+            }));
+            rows.push(row);
+        }
+        aligned(&rows)
+    }
+}
+
+/// Columns side by side, the first to the left and the others to the right.
+fn aligned(rows: &[Vec<String>]) -> String {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width = |column: usize| {
+        let cells = rows.iter().filter_map(|row| row.get(column));
+        cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let line = |row: &Vec<String>| -> String {
+        let cells = row.iter().enumerate().map(|(column, cell)| {
+            let gap = " ".repeat(widths[column] - cell.chars().count());
+            if column == 0 {
+                format!("{cell}{gap}")
+            } else {
+                format!("{gap}{cell}")
+            }
+        });
+        format!("  {}", cells.collect::<Vec<_>>().join("   "))
+            .trim_end()
+            .to_owned()
+    };
+    rows.iter().map(line).collect::<Vec<_>>().join("\n")
+}
