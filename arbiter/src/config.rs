@@ -32,19 +32,19 @@ settings! {
         pub law: LawName = LawName::Adaptive;
         /// The human's weight under the law "constant".
         pub constant_weight: f64 = 0.5, in 0.0..=1.0;
-        /// The smallest weight that the laws "adaptive" and "attentive" give the human. Below .1 a human who disagrees works harder, not less.
+        /// The smallest weight the adaptive law gives the human. Below .1 a human who disagrees works harder, not less.
         pub weight_floor: f64 = 0.1, in 0.0..=1.0;
-        /// The largest weight that the law "attentive" gives the human. Below 1 the robot still helps along its way.
-        pub attentive_most: f64 = 1.0, in 0.0..=1.0;
+        /// The weight that the law "attentive" gives a human who does not push across the robot's way. Much below .65 a
+        /// human who cancels the robot works harder, not less.
+        pub attentive_least: f64 = 0.65, in 0.0..=1.0;
+        /// The weight that it gives one who does. Below 1 the robot still helps along its way.
+        pub attentive_most: f64 = 0.9, in 0.0..=1.0;
         /// Under the law "attentive" a human who pushes this fast across the robot's way gets the largest weight, in
         /// metres per second.
-        pub attentive_full_m_s: f64 = 0.1, in 0.001..=10.0;
+        pub attentive_full_m_s: f64 = 0.05, in 0.001..=10.0;
         /// Under the law "attentive": the share of a control period's push that enters the smoothed one. 1 for no
         /// smoothing; a tremor then counts as disagreement.
         pub attentive_share: f64 = 0.3, in 0.01..=1.0;
-        /// Under the law "attentive": whether the interval's doubt is what the human's push is expected to be before it
-        /// was measured.
-        pub attentive_prior: bool = true;
         /// How fast the human's weight may fall, per second; 0 for no limit, as in the paper. It always rises at once.
         pub weight_fall_per_s: f64 = 0.0, in 0.0..=100.0;
         /// Whether a human who pushes against the robot (20 mm/s, two ticks) gets all of the weight. Not in the paper.
@@ -99,10 +99,10 @@ impl ArbiterSettings {
             law: self.sharing(),
             floor: self.weight_floor,
             attention: Attention {
-                most: self.attentive_most.max(self.weight_floor),
+                least: self.attentive_least,
+                most: self.attentive_most.max(self.attentive_least),
                 full_m_s: self.attentive_full_m_s,
                 share: self.attentive_share,
-                prior: self.attentive_prior,
             },
             fall_per_tick: (fall > 0.0).then(|| fall * timing.period_s()),
             yields_to_push: self.yield_to_push,

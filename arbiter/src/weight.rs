@@ -8,6 +8,15 @@
 //! the situation is to the model, and confidence level, noise and axis cancel in it. `ratio_high`, a property of the
 //! model, is where the human gets everything. The floor keeps the human's hand on the robot: somebody who corrects
 //! the robot's path at a weight of `ω` must push `1/ω` times as hard.
+//!
+//! The interval knows how new the situation is, not what the human wants. The law *attentive* asks the hand instead:
+//! `p`, the part of the human's velocity across the robot's, smoothed as a vector (so that a tremor cancels out), says
+//! how far aside of the forecast the human wants to be;
+//!
+//! `p ← p + share · (across − p)`, `ω = least + (most − least) · min(1, |p| / full)`.
+//!
+//! What lies along the robot's way is no disagreement: there the robot only helps. It belongs together with a robot that
+//! gives way across its path (`predictor.correction_across`); docs/sharing.md has the figures of both.
 
 use tandem_wire::{Guidance, Law, Malformed, Memory, Remember, Vec3};
 
@@ -33,14 +42,14 @@ pub(crate) struct WeightRules {
 /// How the law "attentive" listens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Attention {
-    /// The largest weight; no smaller than the floor.
+    /// The smallest weight.
+    pub(crate) least: f64,
+    /// The largest weight; no smaller than the smallest.
     pub(crate) most: f64,
     /// At this smoothed push across the robot's way the human gets everything.
     pub(crate) full_m_s: f64,
     /// The share of a tick's push that enters the smoothed one.
     pub(crate) share: f64,
-    /// Whether the interval's doubt stands in for pushes before the first.
-    pub(crate) prior: bool,
 }
 
 /// `ω` and what its next value depends on.
@@ -52,8 +61,6 @@ pub(crate) struct Weight {
     pushed: u32,
     /// The human's push across the robot's way, smoothed; only the law "attentive" listens.
     push: Vec3,
-    /// How much of the smoothed push is still the one before the first tick with guidance, from 1 to 0.
-    unheard: f64,
 }
 
 impl Weight {
@@ -64,7 +71,6 @@ impl Weight {
             tick: None,
             pushed: 0,
             push: Vec3::ZERO,
-            unheard: 1.0,
         }
     }
 
@@ -85,7 +91,6 @@ impl Weight {
                 self.omega = 1.0;
                 self.pushed = 0;
                 self.push = Vec3::ZERO;
-                self.unheard = 1.0;
             }
             Some((tick, guidance)) if self.tick != Some(tick) => {
                 self.tick = Some(tick);
@@ -115,21 +120,18 @@ impl Weight {
     fn listen(&mut self, human: Vec3, robot: Vec3) {
         let share = self.rules.attention.share;
         self.push = self.push + (across(human, robot) - self.push) * share;
-        self.unheard *= 1.0 - share;
     }
 
-    /// `ω = clip(|push| / full + u · doubt, floor, most)`, `u` the share of the smoothed push that was not heard yet.
-    fn attentive(&self, guidance: &Guidance) -> f64 {
+    /// `least + (most − least) · min(1, |push| / full)`; a push that is no number counts as the hardest.
+    fn attentive(&self) -> f64 {
         let Attention {
-            full_m_s, prior, most, ..
+            least, most, full_m_s, ..
         } = self.rules.attention;
-        let doubt = adaptive(guidance.ratio.0, guidance.ratio_high.0, 0.0);
-        let expected = if prior { doubt * self.unheard } else { 0.0 };
-        let wanted = self.push.norm() / full_m_s + expected;
-        if wanted.is_finite() {
-            wanted.clamp(self.rules.floor, most)
+        let share = self.push.norm() / full_m_s;
+        if share < 1.0 {
+            least + (most - least) * share
         } else {
-            1.0
+            most
         }
     }
 
@@ -140,7 +142,7 @@ impl Weight {
             Law::Human => 1.0,
             Law::Robot => 0.0,
             Law::Constant(weight) => weight.0,
-            Law::Attentive => self.attentive(guidance),
+            Law::Attentive => self.attentive(),
         }
     }
 }
@@ -153,14 +155,12 @@ impl Remember for Weight {
             tick,
             pushed,
             push,
-            unheard,
         } = self;
         memory.part(omega)?;
         memory.check((0.0..=1.0).contains(omega))?;
         memory.part(tick)?;
         memory.part(pushed)?;
-        memory.part(push)?;
-        memory.part(unheard)
+        memory.part(push)
     }
 }
 
@@ -198,10 +198,10 @@ mod tests {
         law: Law::Adaptive,
         floor: 0.1,
         attention: Attention {
-            most: 1.0,
+            least: 0.6,
+            most: 0.9,
             full_m_s: 0.1,
             share: 0.5,
-            prior: true,
         },
         fall_per_tick: None,
         yields_to_push: false,
@@ -247,6 +247,40 @@ mod tests {
         ] {
             assert_eq!(omega(WeightRules { law, ..PAPER }, 1.2), weight);
         }
+    }
+
+    #[test]
+    fn a_hand_that_pushes_across_the_way_gets_weight_and_one_that_pushes_along_does_not() {
+        let rules = WeightRules {
+            law: Law::Attentive,
+            ..PAPER
+        };
+        let after = |human: Vec3, ticks: u32| {
+            let mut weight = Weight::new(rules);
+            let omegas = (1..=ticks).map(|tick| weight.decide(Some((tick, guidance(1.2))), human));
+            omegas.last().expect("at least one tick")
+        };
+        let near = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-12, "{found}, not {wanted}");
+        near(after(Vec3::new(0.3, 0.0, 0.0), 5), 0.6);
+        near(after(Vec3::new(-0.3, 0.0, 0.0), 5), 0.6);
+        near(after(Vec3::new(0.1, 0.08, 0.0), 1), 0.6 + 0.3 * 0.4);
+        near(after(Vec3::new(0.1, 0.08, 0.0), 2), 0.6 + 0.3 * 0.6);
+        near(after(Vec3::new(0.1, 0.0, 0.5), 9), 0.9);
+        near(after(Vec3::new(f64::NAN, 0.0, 0.0), 1), 0.9);
+    }
+
+    #[test]
+    fn a_tremor_is_no_push() {
+        let mut weight = Weight::new(WeightRules {
+            law: Law::Attentive,
+            ..PAPER
+        });
+        let mut omega = 0.0;
+        for tick in 1..=20 {
+            let side = if tick % 2 == 0 { 0.02 } else { -0.02 };
+            omega = weight.decide(Some((tick, guidance(1.0))), Vec3::new(0.1, side, 0.0));
+        }
+        assert!(omega < 0.63, "{omega}");
     }
 
     #[test]

@@ -4,17 +4,16 @@
 //! execution of it needs no bad line. What befalls a sample depends on seed, receiver, stream and sequence number
 //! alone: the same trial meets the same line again, whatever else changes.
 //!
-//! In real time a sample that is late waits for its instant. In lockstep everybody waits for every tick's sample, so
-//! one that is late or lost is *answered for*: the node gets [`Passed::Missed`] in its place, goes on with what it has,
-//! and the late one comes at the first tick at or after its instant, ahead of that tick's own. Pure: time is an
-//! argument.
+//! Only where time passes by itself: in real time, over Zenoh or in a world under virtual time. In lockstep everybody
+//! waits for every tick's sample, so that a line that keeps one back would stop the loop; whoever asks for both is
+//! refused. Pure: time is an argument.
 
 use std::collections::VecDeque;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use tandem_settings::{choices, settings};
-use tandem_wire::{Delivery, MILLISECOND, Nanos, NodeName, Pace, SECOND, Stamp, Timing, Topic, codec};
+use tandem_wire::{MILLISECOND, Nanos, NodeName, Pace, SECOND, Stamp, Timing, Topic, codec};
 
 choices! {
     /// A stream in one direction: what it carries, and to whom.
@@ -45,7 +44,7 @@ settings! {
         pub jitter_ms: f64 = 0.0, in 0.0..=10000.0;
         /// The share of samples that are lost.
         pub loss: f64 = 0.0, in 0.0..=1.0;
-        /// The share of samples that come a message's period and a half later, so that the next one overtakes them.
+        /// The share of samples each of which comes a message's period and a half later, so that the next one overtakes it.
         pub reorder: f64 = 0.0, in 0.0..=1.0;
         /// When nothing passes: begin and length, in seconds of the receiver's time.
         pub outages_s: Vec<[f64; 2]> = [], in 0.0..=1000000.0;
@@ -78,26 +77,6 @@ pub enum Fate {
     Lost,
 }
 
-/// What a node gets, and when.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Passed {
-    /// The node's time at which it gets it.
-    pub at: Stamp,
-    /// The stream.
-    pub topic: Topic,
-    /// A sample, or in lockstep the tick whose sample is not there in time.
-    pub what: Arrival,
-}
-
-/// A sample, or its absence.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Arrival {
-    /// A sample's bytes.
-    Sample(Vec<u8>),
-    /// In lockstep: nothing arrived in this tick.
-    Missed(u32),
-}
-
 /// The line to one node.
 #[derive(Clone, Debug)]
 pub struct Impairment {
@@ -123,59 +102,37 @@ impl Impairment {
     /// Whether samples of a stream may be late or lost.
     #[must_use]
     pub fn befalls(&self, topic: Topic) -> bool {
-        Direction::of(self.receiver, topic).is_some_and(|direction| self.settings.streams.contains(&direction))
+        self.timing.pace == Pace::Real
+            && Direction::of(self.receiver, topic).is_some_and(|direction| self.settings.streams.contains(&direction))
     }
 
-    /// Takes in a sample at `now`; what it lets through at once is added to `out`. The rest is for [`due`](Self::due).
-    pub fn take(&mut self, now: Stamp, topic: Topic, bytes: Vec<u8>, out: &mut VecDeque<Passed>) {
+    /// Takes in a sample that arrives at `now`. Given back, it may be heard at once; otherwise it is lost, or waits for
+    /// its instant.
+    pub fn take(&mut self, now: Stamp, topic: Topic, bytes: Vec<u8>) -> Option<Vec<u8>> {
         let read = codec::peek(&bytes);
-        let (true, Ok((_, header))) = (self.befalls(topic) && topic.delivery() == Delivery::Stream, read) else {
+        let (true, Ok((_, header))) = (self.befalls(topic), read) else {
             // What cannot be read is the node's to refuse.
-            return out.push_back(sample(now, topic, bytes));
+            return Some(bytes);
         };
-        let fate = self.fate(now, topic, header.seq.0);
-        let lockstep = self.timing.pace == Pace::Lockstep;
-        if lockstep {
-            self.release(now, Some(topic), out);
-        }
-        match fate {
-            Fate::After(0) => return out.push_back(sample(now, topic, bytes)),
-            Fate::After(late) => self.hold(now.after(late), topic, bytes),
-            Fate::Lost => {}
-        }
-        if lockstep {
-            out.push_back(Passed {
-                at: now,
-                topic,
-                what: Arrival::Missed(header.tick),
-            });
+        match self.fate(now, topic, header.seq.0) {
+            Fate::After(0) => Some(bytes),
+            Fate::After(late) => {
+                self.hold(now.after(late), topic, bytes);
+                None
+            }
+            Fate::Lost => None,
         }
     }
 
-    /// In real time: when the next late sample arrives.
+    /// When the next sample that is late arrives.
     #[must_use]
     pub fn deadline(&self) -> Option<Stamp> {
-        let (at, ..) = self.held.front()?;
-        (self.timing.pace == Pace::Real).then_some(*at)
+        self.held.front().map(|(at, ..)| *at)
     }
 
-    /// In real time: adds the late samples that have arrived by `now` to `out`.
-    pub fn due(&mut self, now: Stamp, out: &mut VecDeque<Passed>) {
-        if self.timing.pace == Pace::Real {
-            self.release(now, None, out);
-        }
-    }
-
-    fn release(&mut self, now: Stamp, only: Option<Topic>, out: &mut VecDeque<Passed>) {
-        let mut rest = VecDeque::new();
-        for (at, topic, bytes) in self.held.drain(..) {
-            if at <= now && only.is_none_or(|only| only == topic) {
-                out.push_back(sample(now, topic, bytes));
-            } else {
-                rest.push_back((at, topic, bytes));
-            }
-        }
-        self.held = rest;
+    /// The next sample that was late and has arrived by `now`, with the instant at which it did.
+    pub fn due(&mut self, now: Stamp) -> Option<(Stamp, Topic, Vec<u8>)> {
+        self.held.pop_front_if(|(at, ..)| *at <= now)
     }
 
     fn hold(&mut self, at: Stamp, topic: Topic, bytes: Vec<u8>) {
@@ -218,14 +175,6 @@ impl Impairment {
     }
 }
 
-const fn sample(at: Stamp, topic: Topic, bytes: Vec<u8>) -> Passed {
-    Passed {
-        at,
-        topic,
-        what: Arrival::Sample(bytes),
-    }
-}
-
 /// From 0 to 1, 1 excluded, with 53 bits.
 fn unit(bits: u64) -> f64 {
     (bits >> 11) as f64 / (1_u64 << 53) as f64
@@ -262,89 +211,77 @@ mod tests {
         bytes
     }
 
-    fn line(pace: Pace, change: impl FnOnce(&mut ImpairmentSettings)) -> Impairment {
+    fn line(change: impl FnOnce(&mut ImpairmentSettings)) -> Impairment {
         let mut settings = ImpairmentSettings {
             streams: vec![Direction::Command],
             ..ImpairmentSettings::default()
         };
         change(&mut settings);
-        let timing = Timing {
-            pace,
-            ..Timing::default()
-        };
-        Impairment::new(settings, NodeName::Arbiter, timing)
+        Impairment::new(settings, NodeName::Arbiter, Timing::default())
     }
 
-    /// What arrives in lockstep when one command a tick is sent: ticks of samples, and minus the tick for a miss.
-    fn lockstep(line: &mut Impairment, ticks: u32) -> Vec<Vec<i64>> {
-        let heard = |tick| {
-            let (mut out, now) = (VecDeque::new(), Stamp::of_tick(tick, line.timing.period));
-            line.take(now, Topic::Command, command(tick), &mut out);
-            let of = |passed: Passed| match passed.what {
-                Arrival::Sample(bytes) => i64::from(codec::peek(&bytes).expect("a command").1.tick),
-                Arrival::Missed(tick) => -i64::from(tick),
-            };
-            out.into_iter().map(of).collect()
-        };
-        (1..=ticks).map(heard).collect()
+    /// Sends so many commands, one every 20 ms from 20 ms on; which arrive, and when, in milliseconds.
+    fn heard(line: &mut Impairment, count: u32) -> Vec<(u32, u64)> {
+        let number = |bytes: &[u8]| codec::peek(bytes).expect("a command").1.tick;
+        let mut heard = Vec::new();
+        for tick in 1..=count {
+            let now = Stamp(u64::from(tick) * 20 * MILLISECOND);
+            while let Some((at, topic, bytes)) = line.due(now) {
+                assert_eq!(topic, Topic::Command);
+                heard.push((number(&bytes), at.0 / MILLISECOND));
+            }
+            if let Some(bytes) = line.take(now, Topic::Command, command(tick)) {
+                heard.push((number(&bytes), now.0 / MILLISECOND));
+            }
+        }
+        heard
     }
 
     #[test]
     fn a_line_that_nothing_befalls_lets_everything_through_at_once() {
-        assert_eq!(lockstep(&mut line(Pace::Lockstep, |_| {}), 3), [[1], [2], [3]]);
+        assert_eq!(heard(&mut line(|_| {}), 3), [(1, 20), (2, 40), (3, 60)]);
     }
 
     #[test]
-    fn in_lockstep_a_late_sample_is_answered_for_and_comes_at_the_first_tick_after_its_instant() {
-        let mut late = line(Pace::Lockstep, |settings| settings.delay_ms = 150.0);
-        let heard = lockstep(&mut late, 4);
-        assert_eq!(heard, [vec![-1], vec![-2], vec![1, -3], vec![2, -4]]);
+    fn a_delay_brings_every_sample_later_and_in_order() {
+        let mut late = line(|settings| settings.delay_ms = 35.0);
+        assert_eq!(heard(&mut late, 4), [(1, 55), (2, 75)]);
+        assert_eq!(late.deadline(), Some(Stamp(95 * MILLISECOND)));
     }
 
     #[test]
     fn an_outage_loses_everything_within_it_and_nothing_else() {
-        let mut out = line(Pace::Lockstep, |settings| settings.outages_s = vec![[0.2, 0.2]]);
-        assert_eq!(lockstep(&mut out, 5), [[1], [-2], [-3], [4], [5]]);
+        let mut out = line(|settings| settings.outages_s = vec![[0.04, 0.04]]);
+        assert_eq!(heard(&mut out, 5), [(1, 20), (4, 80), (5, 100)]);
     }
 
     #[test]
     fn a_share_of_samples_is_lost_and_the_same_ones_again() {
-        let lossy = || line(Pace::Lockstep, |settings| settings.loss = 0.3);
-        let heard = lockstep(&mut lossy(), 1000);
-        let lost = heard.iter().filter(|heard| heard[0] < 0).count();
-        assert!((250..350).contains(&lost), "{lost}");
-        assert_eq!(heard, lockstep(&mut lossy(), 1000));
+        let lossy = || line(|settings| settings.loss = 0.3);
+        let through = heard(&mut lossy(), 1000);
+        assert!((650..750).contains(&through.len()), "{}", through.len());
+        assert_eq!(through, heard(&mut lossy(), 1000));
         let mut other = lossy();
         other.settings.seed = 2;
-        assert_ne!(heard, lockstep(&mut other, 1000));
+        assert_ne!(through, heard(&mut other, 1000));
     }
 
     #[test]
-    fn in_real_time_a_late_sample_waits_for_its_instant_and_may_be_overtaken() {
-        let mut line = line(Pace::Real, |settings| settings.jitter_ms = 100.0);
-        let mut out = VecDeque::new();
-        let mut order = Vec::new();
-        for tick in 1..=50 {
-            let now = Stamp(u64::from(tick) * 20 * MILLISECOND);
-            line.take(now, Topic::Command, command(tick), &mut out);
-            assert!(line.deadline().is_none_or(|at| at <= now.after(100 * MILLISECOND)));
-            line.due(now, &mut out);
-            order.extend(out.drain(..).map(|passed| match passed.what {
-                Arrival::Sample(bytes) => codec::peek(&bytes).expect("a command").1.tick,
-                Arrival::Missed(_) => panic!("nothing is missed in real time"),
-            }));
-        }
-        assert!(order.len() > 40 && !order.is_sorted(), "{order:?}");
+    fn samples_that_are_reordered_are_overtaken_by_the_next() {
+        let all = heard(&mut line(|settings| settings.reorder = 0.5), 200);
+        let inversions = all.windows(2).filter(|pair| pair[0].0 > pair[1].0).count();
+        assert!(inversions > 30, "{inversions}");
+        assert!(all.len() >= 198, "nothing is lost: {}", all.len());
     }
 
     #[test]
-    fn other_streams_other_receivers_and_noise_pass_untouched() {
-        let mut line = line(Pace::Lockstep, |settings| settings.loss = 1.0);
-        let mut out = VecDeque::new();
-        line.take(Stamp(0), Topic::State, command(1), &mut out);
-        line.take(Stamp(0), Topic::Command, vec![1, 2, 3], &mut out);
-        assert!(out.iter().all(|passed| matches!(passed.what, Arrival::Sample(_))));
-        assert_eq!(out.len(), 2);
+    fn other_streams_lockstep_and_what_cannot_be_read_pass_untouched() {
+        let mut lossy = line(|settings| settings.loss = 1.0);
+        assert_eq!(lossy.take(Stamp(0), Topic::Command, command(1)), None);
+        assert!(lossy.take(Stamp(0), Topic::State, command(1)).is_some());
+        assert_eq!(lossy.take(Stamp(0), Topic::Command, vec![1, 2, 3]), Some(vec![1, 2, 3]));
+        lossy.timing = lossy.timing.lockstep();
+        assert!(lossy.take(Stamp(0), Topic::Command, command(1)).is_some());
     }
 
     #[test]

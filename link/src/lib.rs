@@ -24,6 +24,7 @@
 pub mod clock;
 pub mod config;
 mod declared;
+pub mod impairment;
 mod journal;
 pub mod net;
 mod observer;
@@ -31,6 +32,7 @@ pub mod run;
 
 pub use clock::{Clock, fresh_session};
 pub use config::{LinkSettings, LoopSettings, TaskSettings};
+pub use impairment::{Direction, Impairment, ImpairmentSettings};
 pub use journal::JournalReport;
 pub use net::{Link, LinkError};
 pub use observer::{Observer, Sighting};

@@ -16,6 +16,7 @@ use zenoh::pubsub::Publisher;
 
 use crate::Clock;
 use crate::declared::{Declared, Entrance};
+use crate::impairment::{Impairment, ImpairmentSettings};
 use crate::journal::{Journal, JournalReport};
 use crate::net::{Link, LinkError};
 
@@ -38,6 +39,8 @@ pub struct ShellOptions {
     pub info: NodeInfo,
     /// In lockstep: the peers that must be there before the first step.
     pub await_peers: Vec<NodeName>,
+    /// What befalls samples on their way to the node.
+    pub impairment: ImpairmentSettings,
 }
 
 /// What became of a node's run.
@@ -177,6 +180,7 @@ where
     let declared = Declared::new::<N>(link, &entrance, &options)?;
     let shell = Shell {
         node,
+        line: Impairment::new(options.impairment.clone(), N::NAME, options.timing),
         options,
         local,
         publishers,
@@ -208,6 +212,8 @@ where
 enum Next {
     /// Takes up an input.
     Item(Item),
+    /// Takes up a sample that the line had kept back.
+    Released(Item),
     /// Wakes the node.
     Deadline,
     /// Gives up: in lockstep nobody has said anything for [`SILENCE`].
@@ -226,6 +232,7 @@ const fn maker(topic: Topic) -> NodeName {
 
 struct Shell<N: Node, F> {
     node: N,
+    line: Impairment,
     options: ShellOptions,
     local: F,
     publishers: Vec<(Topic, Publisher<'static>)>,
@@ -254,12 +261,14 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
             match waited.pop_front().map_or_else(|| self.next(receiver), Next::Item) {
                 Next::Item(item) if self.is_late(&item) => self.late += 1,
                 Next::Item(item) => {
+                    let Some(item) = self.let_through(item) else { continue };
                     self.note_tick(&item);
                     self.step(item.input());
                     if matches!(item, Item::Stop) {
                         return self.end(None);
                     }
                 }
+                Next::Released(item) => self.step(item.input()),
                 Next::Deadline => self.step(Input::Wake),
                 Next::Silence => {
                     let awaited = self.awaited();
@@ -267,6 +276,17 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
                     return self.end(Some(awaited));
                 }
             }
+        }
+    }
+
+    /// A bad line keeps samples back before the journal sees them: what stands in it is what the node saw.
+    fn let_through(&mut self, item: Item) -> Option<Item> {
+        match item {
+            Item::Sample { topic, bytes, arrived } => {
+                let bytes = self.line.take(self.clock.now(), topic, bytes)?;
+                Some(Item::Sample { topic, bytes, arrived })
+            }
+            other => Some(other),
         }
     }
 
@@ -316,9 +336,13 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
         waiting
     }
 
-    fn next(&self, receiver: &Receiver<Item>) -> Next {
+    fn next(&mut self, receiver: &Receiver<Item>) -> Next {
+        if let Some((arrived, topic, bytes)) = self.line.due(self.clock.now()) {
+            return Next::Released(Item::Sample { topic, bytes, arrived });
+        }
+        let deadlines = [self.node.deadline(), self.line.deadline()];
         let received = match self.options.timing.pace {
-            Pace::Real => match self.node.deadline() {
+            Pace::Real => match deadlines.into_iter().flatten().min() {
                 Some(stamp) => receiver.recv_deadline(self.clock.instant(stamp)),
                 None => receiver.recv().map_err(RecvTimeoutError::from),
             },

@@ -71,6 +71,7 @@ impl Parts {
                 build: BUILD.to_owned(),
                 model,
             },
+            impairment: configuration.impairment.clone(),
             await_peers: if lockstep {
                 self.await_peers
                     .iter()

@@ -1,7 +1,7 @@
 //! Everything that can be set, checked.
 
 use tandem_arbiter::ArbiterSettings;
-use tandem_link::{LinkSettings, LoopSettings, TaskSettings};
+use tandem_link::{ImpairmentSettings, LinkSettings, LoopSettings, TaskSettings};
 use tandem_operator::{HumanSettings, OperatorSettings};
 use tandem_predictor::PredictorSettings;
 use tandem_recorder::RecorderSettings;
@@ -13,6 +13,8 @@ use tandem_settings::{Document, Error, Section, show};
 pub struct Configuration {
     /// Who to talk to.
     pub link: LinkSettings,
+    /// A bad line, on purpose.
+    pub impairment: ImpairmentSettings,
     /// Rates, limits in time and the seed.
     pub rates: LoopSettings,
     /// Where the task lies.
@@ -47,6 +49,7 @@ impl Configuration {
     pub fn from_document_beside(document: &Document, others: &[&str]) -> Result<Self, Error> {
         let configuration = Self {
             link: document.section()?,
+            impairment: document.section()?,
             rates: document.section()?,
             task: document.section()?,
             operator: document.section()?,
@@ -58,6 +61,7 @@ impl Configuration {
         };
         let own = [
             LinkSettings::NAME,
+            ImpairmentSettings::NAME,
             LoopSettings::NAME,
             TaskSettings::NAME,
             OperatorSettings::NAME,
@@ -76,6 +80,7 @@ impl Configuration {
     pub fn to_toml(&self) -> String {
         [
             show(&self.link),
+            show(&self.impairment),
             show(&self.rates),
             show(&self.task),
             show(&self.operator),

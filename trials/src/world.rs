@@ -9,7 +9,7 @@
 //! through their own [`Ports`], so that a trial here and the same trial through the shell in lockstep give the same
 //! messages, byte for byte (`trials/tests/world.rs`). In lockstep `now` is what the shell takes it to be,
 //! [`lockstep_now`]. In real time it is the earliest deadline of any node once everything that was said has been
-//! heard: messages take no time at all, and neither does thinking.
+//! heard: messages take no time at all, unless the configuration asks for a bad line, and neither does thinking.
 //!
 //! A [`Player`] is whoever takes a node's part: usually a [`Seat`] with the node itself, but a recorded human can
 //! sit in the operator's place.
@@ -18,7 +18,7 @@ use std::collections::VecDeque;
 use std::ops::ControlFlow;
 use std::sync::mpsc::{Receiver, channel};
 
-use tandem_link::lockstep_now;
+use tandem_link::{Impairment, ImpairmentSettings, lockstep_now};
 use tandem_wire::{
     Input, Nanos, Node, NodeName, Numbering, Outbox, Pace, Ports, Session, Stamp, Timing, Topic, Trial, Vec3, encode,
 };
@@ -114,6 +114,8 @@ pub enum Halt {
 /// The nodes of one loop, and what is under way between them.
 pub struct World {
     players: Vec<Box<dyn Player>>,
+    /// The line to each of them.
+    lines: Vec<Impairment>,
     timing: Timing,
     now: Stamp,
     said: Said,
@@ -156,20 +158,33 @@ impl World {
             Box::new(Seat::new(blueprint.arbiter()?)),
             Box::new(Seat::new(blueprint.robot_sim()?)),
         ];
-        Ok(Self::of(players, blueprint.timing(), blueprint.session()))
+        let world = Self::of(players, blueprint.timing(), blueprint.session());
+        Ok(world.impaired(&blueprint.configuration().impairment))
+    }
+
+    /// The same players over a bad line.
+    #[must_use]
+    pub fn impaired(mut self, settings: &ImpairmentSettings) -> Self {
+        let names = self.players.iter().map(|player| player.name());
+        self.lines = names
+            .map(|name| Impairment::new(settings.clone(), name, self.timing))
+            .collect();
+        self
     }
 
     /// Any players; trials are marked in `session`.
     #[must_use]
     pub fn of(players: Vec<Box<dyn Player>>, timing: Timing, session: Session) -> Self {
-        Self {
+        let world = Self {
             players,
+            lines: Vec::new(),
             timing,
             now: Stamp(0),
             said: Said::new(),
             marks: Numbering::new(session),
             wishes: None,
-        }
+        };
+        world.impaired(&ImpairmentSettings::default())
     }
 
     /// Virtual time.
@@ -246,15 +261,25 @@ impl World {
     }
 
     fn deliver(&mut self, topic: Topic, bytes: &[u8]) {
-        for player in self.players.iter_mut().filter(|player| player.hears(topic)) {
-            player.take(self.now, Input::Sample { topic, bytes }, &mut self.said);
+        for (player, line) in self.players.iter_mut().zip(&mut self.lines) {
+            if !player.hears(topic) {
+                continue;
+            }
+            if !line.befalls(topic) {
+                player.take(self.now, Input::Sample { topic, bytes }, &mut self.said);
+            } else if let Some(bytes) = line.take(self.now, topic, bytes.to_vec()) {
+                player.take(self.now, Input::Sample { topic, bytes: &bytes }, &mut self.said);
+            }
         }
     }
 
     fn next_deadline(&self) -> Option<Stamp> {
         match self.timing.pace {
             Pace::Lockstep => None,
-            Pace::Real => self.players.iter().filter_map(|player| player.deadline()).min(),
+            Pace::Real => {
+                let own = self.players.iter().filter_map(|player| player.deadline());
+                own.chain(self.lines.iter().filter_map(Impairment::deadline)).min()
+            }
         }
     }
 
@@ -262,7 +287,10 @@ impl World {
     /// keeps asking for the past cannot stop time.
     fn wake(&mut self, at: Stamp) {
         self.now = if at > self.now { at } else { self.now.after(1) };
-        for player in &mut self.players {
+        for (player, line) in self.players.iter_mut().zip(&mut self.lines) {
+            while let Some((_, topic, bytes)) = line.due(self.now) {
+                player.take(self.now, Input::Sample { topic, bytes: &bytes }, &mut self.said);
+            }
             if player.deadline().is_some_and(|deadline| deadline <= self.now) {
                 player.take(self.now, Input::Wake, &mut self.said);
             }

@@ -59,6 +59,7 @@ where
             ..NodeInfo::default()
         },
         await_peers: LOOP.into_iter().filter(|name| *name != N::NAME).collect(),
+        impairment: blueprint.configuration().impairment.clone(),
     };
     spawn(link, node, options, |_, _| {}).expect("a node starts")
 }
@@ -164,4 +165,53 @@ fn a_world_without_a_trial_falls_silent_and_one_without_time_stops() {
     world.mark(begin());
     assert_eq!(world.run(SECOND, |_, _, _| ControlFlow::Continue(())), Halt::TimeUp);
     assert!(world.now().seconds() > 0.9);
+}
+
+#[test]
+fn a_bad_line_slows_the_same_way_twice_and_a_long_outage_stops_the_arm() {
+    use tandem_link::Direction;
+    let impaired = |outages_s: Vec<[f64; 2]>| {
+        let mut configuration = configuration();
+        configuration.rates.pace = tandem_link::config::PaceName::Real;
+        configuration.impairment.streams = vec![Direction::Command, Direction::StateToOperator];
+        configuration.impairment.delay_ms = 40.0;
+        configuration.impairment.jitter_ms = 20.0;
+        configuration.impairment.loss = 0.02;
+        configuration.impairment.outages_s = outages_s;
+        blueprint(configuration)
+    };
+    let once = in_the_world(&impaired(vec![]));
+    assert!(once == in_the_world(&impaired(vec![])));
+    let used = only(&once, Topic::Setpoint)
+        .into_iter()
+        .rev()
+        .nth(100)
+        .expect("setpoints");
+    let used = decode::<tandem_wire::Setpoint>(used).expect("a setpoint");
+    assert!(
+        used.body.motion.is_permitted(),
+        "60 ms either way are within the limits"
+    );
+
+    let reasons = |messages: &Messages| {
+        let setpoints = only(messages, Topic::Setpoint);
+        let read = setpoints
+            .into_iter()
+            .filter_map(|bytes| decode::<tandem_wire::Setpoint>(bytes).ok());
+        read.filter_map(|setpoint| setpoint.body.motion.reason())
+            .map(|reason| reason.to_string())
+            .collect::<Vec<_>>()
+    };
+    let cut = reasons(&in_the_world(&impaired(vec![[3.0, 0.4]])));
+    assert!(cut.iter().any(|reason| reason.contains("commands stopped")), "{cut:?}");
+}
+
+#[test]
+fn a_bad_line_in_lockstep_is_refused_in_words() {
+    let mut configuration = configuration();
+    configuration.impairment.streams = vec![tandem_link::Direction::Command];
+    let refused = Blueprint::new(configuration, Session(7), None)
+        .err()
+        .expect("it is refused");
+    assert!(refused.to_string().contains("loop.pace"), "{refused}");
 }
