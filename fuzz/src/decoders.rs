@@ -3,8 +3,8 @@
 use tandem_operator::DeviceSample;
 use tandem_wire::codec::{self, Message};
 use tandem_wire::{
-    Claim, Command, Emergency, Forecast, JournalBatch, NodeInfo, Proposal, Scene, Setpoint, State, Topic, Trial,
-    decode, encode, keys,
+    Claim, Command, Emergency, Forecast, JournalBatch, NodeInfo, Proposal, Scene, Setpoint, State, Storage, Topic,
+    Trial, decode, encode, keys,
 };
 
 use crate::chance::Chance;
@@ -47,6 +47,7 @@ impl Decoders {
             Topic::Emergency => self.read::<Emergency>(),
             Topic::Journal(_) => self.read::<JournalBatch>(),
             Topic::Info(_) => self.read::<NodeInfo>(),
+            Topic::Storage => self.read::<Storage>(),
             Topic::Alive(_) | Topic::Device => {
                 let sample = DeviceSample::from_bytes(&self.bytes);
                 sample.is_ok_and(|sample| sample.to_bytes() == self.bytes[..])

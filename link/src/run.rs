@@ -22,6 +22,8 @@ use crate::net::{Link, LinkError};
 
 /// Inputs that may wait for a node. In real time more cost the oldest ones, which are counted.
 const QUEUE: usize = 4096;
+/// The recorder hears everybody at once, and a second that it waits for the processor must not cost a message.
+const RECORDERS_QUEUE: usize = 32_768;
 
 /// In lockstep this much silence after a node's own word means that somebody does not answer.
 const SILENCE: Duration = Duration::from_secs(2);
@@ -152,7 +154,10 @@ where
     N: Ports + Send + 'static,
     N::Output: Send,
 {
-    let (sender, receiver) = bounded(QUEUE);
+    let (sender, receiver) = bounded(match N::NAME {
+        NodeName::Recorder => RECORDERS_QUEUE,
+        _ => QUEUE,
+    });
     let dropped = Arc::new(AtomicU64::new(0));
     let pace = options.timing.pace;
     let entrance = Entrance {
@@ -372,7 +377,8 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
         self.steps += 1;
         for output in self.outbox.drain() {
             if let Some(topic) = N::sample(&output, &mut self.bytes) {
-                self.spoke = true;
+                // Nobody owes an answer to what is only for the record.
+                self.spoke |= topic.delivery() != Delivery::Bulk;
                 // Publish first: nothing that is only for the record may delay the robot. The clock is read before,
                 // for a latency that begins when publishing ends would be too short.
                 let wall = self.clock.now();

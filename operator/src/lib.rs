@@ -12,7 +12,8 @@
 //! | device sample | keys count at once; a key asks for a new trial |
 //! | wake | in real time a command every stream period; a changed deadman does not wait for it |
 //! | unreadable sample | counted |
-//! | presence | nothing: presence is not safety |
+//! | storage, presence of the recorder | the status line says whether the session is recorded |
+//! | presence | nothing else: presence is not safety |
 //! | stop | a last command with the deadman released, then silence |
 //!
 //! The first command is always released, and so is every command while there is no picture: a human who sees nothing
@@ -58,4 +59,4 @@ pub use family::{CHECKPOINT_STEP, FamilyPath, LAST_STEP};
 pub use human::{Doing, Ended, Waiting};
 pub use node::{Event, Operator, Output};
 pub use sight::Seen;
-pub use status::{Activity, Status};
+pub use status::{Activity, Recording, Status};

@@ -3,8 +3,8 @@
 use bincode::{Decode, Encode};
 use tandem_wire::{
     Claim, Command, Deadman, Emergency, Envelope, Label, Malformed, Memory, Nanos, Node, NodeName, Numbering, Outbox,
-    Pace, Reason, Refusal, Refusals, Remember, SECOND, Session, Stamp, State, StateGuard, TaskFrame, Timing, Trial,
-    Unreadable, Wish,
+    Pace, Reason, Refusal, Refusals, Remember, SECOND, Session, Stamp, State, StateGuard, Storage, TaskFrame, Timing,
+    Trial, Unreadable, Wish,
 };
 
 use crate::config::{HumanConfig, HumanSettings, KeyConfig, OperatorSettings, SourceKind};
@@ -12,7 +12,7 @@ use crate::device::{Asked, DeviceSample, Keyboard};
 use crate::human::SimulatedHuman;
 use crate::sight::{Eyes, Picture};
 use crate::source::Source;
-use crate::status::Status;
+use crate::status::{Recording, Status};
 
 /// Everything that can happen to an operator.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,9 +21,11 @@ pub enum Event {
     State(Box<Envelope<State>>),
     /// The local device was sampled.
     Device(DeviceSample),
+    /// The recorder says how the session file is kept.
+    Storage(Envelope<Storage>),
     /// A sample could not be read.
     Unreadable(Unreadable),
-    /// A peer's token appeared or vanished; the operator goes by states alone.
+    /// A peer's token appeared or vanished; driving goes by states alone.
     Presence {
         /// Which peer.
         peer: NodeName,
@@ -73,6 +75,7 @@ pub struct Operator {
     stream: Stream,
     /// The deadman of the newest command.
     pressed: Deadman,
+    recording: Recording,
     status: Option<Status>,
 }
 
@@ -124,6 +127,7 @@ impl Operator {
                 sent: Deadman::Released,
             },
             pressed: Deadman::Released,
+            recording: Recording::default(),
             status: None,
         }
     }
@@ -274,6 +278,7 @@ impl Operator {
             seen: self.picture.live().copied(),
             session: self.session,
             wish: self.source.wish(),
+            recording: self.recording,
             refused: self.refused,
         };
         if self.status != Some(status) {
@@ -308,6 +313,7 @@ impl Remember for Operator {
             pressed,
             // What the screen shows: a restored operator says it once more.
             status: _,
+            recording: _,
         } = self;
         commands.remember(memory)?;
         trials.remember(memory)?;
@@ -334,9 +340,11 @@ impl Node for Operator {
         match event {
             Event::State(state) => self.on_state(now, &state, outbox),
             Event::Device(sample) => self.on_device(now, sample, outbox),
+            Event::Storage(storage) => self.recording = Recording::Told(storage.body),
+            Event::Presence { peer, alive } => self.recording.hear_presence(peer, alive),
             Event::Unreadable(_) => self.refused.add(Refusal::Unreadable),
             Event::Stop => self.on_stop(now, outbox),
-            Event::Presence { .. } | Event::Wake => {}
+            Event::Wake => {}
         }
         self.flow(now, outbox);
         self.show(outbox);

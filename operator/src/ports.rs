@@ -7,7 +7,7 @@ use crate::node::{Event, Operator, Output};
 
 impl Ports for Operator {
     const NAME: NodeName = NodeName::Operator;
-    const INPUTS: &'static [Topic] = &[Topic::State, Topic::Device];
+    const INPUTS: &'static [Topic] = &[Topic::State, Topic::Device, Topic::Storage];
     const OUTPUTS: &'static [Topic] = &[Topic::Command, Topic::Trial, Topic::Lease, Topic::Emergency];
 
     fn event(input: Input<'_>) -> Event {
@@ -51,6 +51,7 @@ fn read(topic: Topic, bytes: &[u8]) -> Result<Event, Malformed> {
     match topic {
         Topic::State => decode(bytes).map(|state| Event::State(Box::new(state))),
         Topic::Device => DeviceSample::from_bytes(bytes).map(Event::Device),
+        Topic::Storage => decode(bytes).map(Event::Storage),
         _ => Err(Malformed::Topic),
     }
 }

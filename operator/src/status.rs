@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use tandem_wire::{Deadman, Refusals, Session, Vec3};
+use tandem_wire::{Condition, Deadman, NodeName, Refusals, Session, Storage, Vec3};
 
 use crate::device::Handling;
 use crate::human::{Doing, Ended, Waiting};
@@ -30,12 +30,57 @@ pub struct Status {
     pub session: Session,
     /// Where a simulated human that is driving wishes the tool to be at that state, in the base frame. No message tells.
     pub wish: Option<Vec3>,
+    /// Whether the session is recorded, as far as the recorder told.
+    pub recording: Recording,
     /// Samples dropped so far.
     pub refused: Refusals,
 }
 
+/// What the operator knows of the recording. For the screen only: who drives does not depend on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Recording {
+    /// Nothing was said: either all is well, or nobody records.
+    #[default]
+    Untold,
+    /// The recorder's newest word.
+    Told(Storage),
+    /// The recorder was there and is gone.
+    Gone,
+}
+
+impl Recording {
+    pub(crate) fn hear_presence(&mut self, peer: NodeName, alive: bool) {
+        match (peer, alive) {
+            (NodeName::Recorder, false) => *self = Self::Gone,
+            // A recorder that comes anew begins another file; its troubles it will tell.
+            (NodeName::Recorder, true) => *self = Self::Untold,
+            _ => {}
+        }
+    }
+}
+
+impl fmt::Display for Recording {
+    /// Says what is wrong, and nothing when nothing is.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Told(storage) if storage.condition != Condition::Kept || storage.dropped > 0 => {
+                write!(f, " · {storage}")
+            }
+            Self::Untold | Self::Told(_) => Ok(()),
+            Self::Gone => f.write_str(" · NOT recorded, the recorder is gone"),
+        }
+    }
+}
+
 impl fmt::Display for Status {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.line(f)?;
+        self.recording.fmt(f)
+    }
+}
+
+impl Status {
+    fn line(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.activity)?;
         let Some(seen) = &self.seen else {
             return f.write_str(" · no picture of the robot: its states stopped, so whatever is held counts as let go");

@@ -2,8 +2,8 @@
 
 mod robot;
 
-use tandem_operator::{Activity, Doing, FamilyPath, HumanKind, HumanSettings};
-use tandem_wire::{Deadman, Motion, Reason, Session};
+use tandem_operator::{Activity, Doing, Event, FamilyPath, HumanKind, HumanSettings};
+use tandem_wire::{Condition, Deadman, Envelope, Header, Motion, NodeName, Reason, Session, Stamp, Storage};
 
 use robot::{PERIOD, Rig, Robot, readable, task_velocity};
 
@@ -372,4 +372,36 @@ fn the_hand_trembles_by_as_much_as_it_shall() {
 
 fn length(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
+}
+
+#[test]
+fn the_recorders_trouble_stands_in_the_status_line_until_it_is_over() {
+    let mut rig = Rig::simulated(1, &HumanSettings::default());
+    let mut say = |event| {
+        rig.step(Stamp(0), event);
+        rig.status.map(|status| status.to_string()).unwrap_or_default()
+    };
+    let told = |condition, dropped| {
+        let body = Storage { condition, dropped };
+        let header = Header::default();
+        Event::Storage(Envelope { header, body })
+    };
+    let presence = |alive| Event::Presence {
+        peer: NodeName::Recorder,
+        alive,
+    };
+    assert!(!say(presence(true)).contains("recorded"), "all is well");
+    let full = say(told(Condition::NoSpace, 12));
+    assert!(
+        full.ends_with("NOT recorded, the recorder's disk is full, 12 messages lost"),
+        "{full}"
+    );
+    let again = say(told(Condition::Kept, 12));
+    assert!(
+        again.ends_with("the session is recorded, 12 messages lost"),
+        "what was lost stays said: {again}"
+    );
+    let gone = say(presence(false));
+    assert!(gone.ends_with("NOT recorded, the recorder is gone"), "{gone}");
+    assert!(!say(presence(true)).contains("recorded"));
 }

@@ -78,7 +78,7 @@ fn sustain(seconds: u64, rate: u64, path: &str) -> Result<(), Failure> {
     println!(
         "at a rate      {} messages in {wall:.1} s, {} dropped",
         rate * seconds,
-        closed.drops.session_file
+        closed.drops.session_file.total()
     );
     println!(
         "               {:.0} % of one core, {:.1} µs a message to hand over",
@@ -179,7 +179,7 @@ fn heard(payloads: &[Vec<u8>]) -> Vec<Arc<Heard>> {
     }
     let written = |output| match output {
         Output::Write(heard) => Some(heard),
-        Output::Show(_) => None,
+        Output::Show(_) | Output::Say(_) => None,
     };
     outbox.drain().filter_map(written).take(payloads.len()).collect()
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use tandem_settings::{choices, settings};
+use tandem_wire::{Nanos, SECOND};
 
 choices! {
     /// Which live viewer is fed.
@@ -38,9 +39,14 @@ settings! {
         /// The size at which a chunk of the session file is compressed and written, in KiB.
         pub chunk_kib: u64 = 256, in 16..=8192;
         /// Messages that may wait for the session file; more are dropped and counted.
-        pub file_queue: usize = 4096, in 16..=65536;
+        pub file_queue: usize = 32768, in 16..=65536;
         /// Memory that these may take, in MiB.
         pub file_queue_mib: usize = 32, in 8..=1024;
+        /// Begin another session file when one has this many megabytes on disk; 0: never. The second is called
+        /// NAME_0002.mcap, and every one can be read alone.
+        pub split_mb: u64 = 0, in 0..=1000000;
+        /// Begin another session file when one holds this many seconds; 0: never.
+        pub split_s: u64 = 0, in 0..=86400;
         /// Messages that may wait for each view; more are dropped and counted.
         pub view_queue: usize = 1024, in 16..=65536;
         /// Memory for what a viewer that comes late or comes back is shown again, in MiB: at 50 Hz some seconds
@@ -79,6 +85,15 @@ pub enum ViewTarget {
     Serve,
 }
 
+/// When a part of a session file has become large or long enough.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Split {
+    /// Bytes on disk.
+    pub(crate) bytes: Option<u64>,
+    /// From the first message of the part to the newest.
+    pub(crate) nanos: Option<Nanos>,
+}
+
 /// Checked settings: nothing is left to validate.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecorderConfig {
@@ -89,6 +104,7 @@ pub struct RecorderConfig {
     pub(crate) chunk_bytes: u64,
     pub(crate) file_queue: usize,
     pub(crate) file_queue_bytes: usize,
+    pub(crate) split: Split,
     pub(crate) view_queue: usize,
     pub(crate) view_history_bytes: usize,
 }
@@ -123,10 +139,19 @@ impl RecorderConfig {
             chunk_bytes: settings.chunk_kib << 10,
             file_queue: settings.file_queue,
             file_queue_bytes: settings.file_queue_mib << 20,
+            split: Split {
+                bytes: limit(settings.split_mb, 1_000_000),
+                nanos: limit(settings.split_s, SECOND),
+            },
             view_queue: settings.view_queue,
             view_history_bytes: settings.view_history_mib << 20,
         })
     }
+}
+
+/// So many units; `None` for zero, which means never.
+fn limit(count: u64, unit: u64) -> Option<u64> {
+    (count > 0).then(|| count.saturating_mul(unit))
 }
 
 fn path(text: &str) -> Option<PathBuf> {

@@ -107,33 +107,18 @@ impl Evidence {
     ///
     /// # Errors
     /// If it is no MCAP file, or the system cannot read it.
-    pub fn read(mut from: impl Read) -> Result<Self, NoEvidence> {
-        let options = LinearReaderOptions::default()
-            .with_validate_chunk_crcs(true)
-            // Besides chunks: a model or a configuration that was changed is no evidence.
-            .with_validate_data_section_crc(true)
-            .with_record_length_limit(RECORD_LIMIT);
-        let mut reader = LinearReader::new_with_options(options);
+    pub fn read(from: impl Read) -> Result<Self, NoEvidence> {
+        Self::read_parts([from])
+    }
+
+    /// Reads the parts of one session, each from its first byte, in their order.
+    ///
+    /// # Errors
+    /// If one of them is no MCAP file, or the system cannot read it.
+    pub fn read_parts(parts: impl IntoIterator<Item = impl Read>) -> Result<Self, NoEvidence> {
         let mut reading = Reading::default();
-        while let Some(event) = reader.next_event() {
-            match event {
-                Ok(LinearReadEvent::ReadRequest(wanted)) => {
-                    let read = from.read(reader.insert(wanted))?;
-                    reader.notify_read(read);
-                }
-                Ok(LinearReadEvent::Record { data, opcode }) => match mcap::parse_record(opcode, data) {
-                    Ok(record) => reading.take(record),
-                    Err(error) => {
-                        reading.end(&error);
-                        break;
-                    }
-                },
-                Err(_) if reading.records == 0 => return Err(NoEvidence::NotMcap),
-                Err(error) => {
-                    reading.end(&error);
-                    break;
-                }
-            }
+        for part in parts {
+            reading.read(part)?;
         }
         for journal in reading.evidence.journals.values_mut() {
             journal.sort_by_key(|part| part.first);
@@ -164,6 +149,39 @@ struct Carried {
 }
 
 impl Reading {
+    fn read(&mut self, mut from: impl Read) -> Result<(), NoEvidence> {
+        let options = LinearReaderOptions::default()
+            .with_validate_chunk_crcs(true)
+            // Besides chunks: a model or a configuration that was changed is no evidence.
+            .with_validate_data_section_crc(true)
+            .with_record_length_limit(RECORD_LIMIT);
+        let mut reader = LinearReader::new_with_options(options);
+        // Another file numbers its channels anew.
+        self.channels.clear();
+        self.records = 0;
+        while let Some(event) = reader.next_event() {
+            match event {
+                Ok(LinearReadEvent::ReadRequest(wanted)) => {
+                    let read = from.read(reader.insert(wanted))?;
+                    reader.notify_read(read);
+                }
+                Ok(LinearReadEvent::Record { data, opcode }) => match mcap::parse_record(opcode, data) {
+                    Ok(record) => self.take(record),
+                    Err(error) => {
+                        self.end(&error);
+                        break;
+                    }
+                },
+                Err(_) if self.records == 0 => return Err(NoEvidence::NotMcap),
+                Err(error) => {
+                    self.end(&error);
+                    break;
+                }
+            }
+        }
+        Ok(())
+    }
+
     fn take(&mut self, record: Record<'_>) {
         self.records += 1;
         match record {
@@ -176,7 +194,10 @@ impl Reading {
             Record::Message { header, data } => {
                 if let Some(carried) = self.channels.get(&header.channel_id).copied() {
                     self.evidence.heard.insert(carried.topic);
-                    if let (Topic::Journal(node), true) = (carried.topic, carried.raw) {
+                    // On its own journal the recorder repeats what holds when a part begins: nothing to execute.
+                    if let (Topic::Journal(node), true) = (carried.topic, carried.raw)
+                        && node != NodeName::Recorder
+                    {
                         self.take_journal(node, &data);
                     }
                 }

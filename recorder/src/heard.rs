@@ -3,7 +3,8 @@
 use std::fmt;
 
 use tandem_wire::{
-    Command, Envelope, Forecast, Header, NodeInfo, NodeName, Proposal, Scene, Setpoint, Stamp, State, Topic, Trial,
+    Command, Envelope, Forecast, Header, JournalBatch, NodeInfo, NodeName, Proposal, Scene, Setpoint, Stamp, State,
+    Topic, Trial, encode,
 };
 
 use crate::tally::Counts;
@@ -72,6 +73,22 @@ pub struct JournalPart {
     pub bytes: Vec<u8>,
 }
 
+impl JournalPart {
+    /// The part as it travels.
+    pub(crate) fn of(node: NodeName, batch: &Envelope<JournalBatch>) -> Self {
+        let mut bytes = Vec::new();
+        encode(batch, &mut bytes);
+        Self {
+            node,
+            header: batch.header,
+            first: batch.body.first,
+            entries: batch.body.entries.len() as u64,
+            lost: batch.body.lost,
+            bytes,
+        }
+    }
+}
+
 impl Sample {
     /// The topic it came on.
     #[must_use]
@@ -103,6 +120,24 @@ impl Sample {
             Self::Journal(part) => &part.header,
             Self::Info(_, message) => &message.header,
         }
+    }
+
+    /// Where and as which bytes it travelled: written anew, they are the same. `None` for what is kept as bytes or
+    /// as a record of its own.
+    #[must_use]
+    pub(crate) fn travelled(&self) -> Option<(Topic, Vec<u8>)> {
+        let mut bytes = Vec::new();
+        match self {
+            Self::Command(message) => encode(message, &mut bytes),
+            Self::Proposal(message) => encode(message, &mut bytes),
+            Self::Forecast(message) => encode(message, &mut bytes),
+            Self::Setpoint(message) => encode(message, &mut bytes),
+            Self::State(message) => encode(message, &mut bytes),
+            Self::Scene(message) => encode(message, &mut bytes),
+            Self::Trial(message) => encode(message, &mut bytes),
+            Self::Journal(_) | Self::Info(..) => return None,
+        }
+        Some((self.topic(), bytes))
     }
 
     /// About how much memory it holds, to bound a queue of them.

@@ -5,6 +5,7 @@
 //! | every topic of the robot, as bytes | [`Output::Write`]: to the session file, everything, in the order it came |
 //! | a node appears or vanishes | [`Output::Show`]: to the views, what is new to the eye |
 //! | the counts are due; the process ends | both: notes for people, and counts of what was missed |
+//! | how the session file is doing, from the shell | [`Output::Say`]: to whoever listens, when something is wrong with it |
 //!
 //! ```text
 //!                first message                  Stop
@@ -14,8 +15,8 @@
 //! ```
 //!
 //! The [`Recorder`] is the pure node: it counts gaps, repetitions and unreadable samples ([`Counts`]), notices what a
-//! person wants to read ([`Note`]: trials, stops with their reason, contact, losses), and passes everything on. It
-//! publishes nothing. Two pure translations follow: [`SessionFile`] is the shape of an MCAP file, [`View`] turns
+//! person wants to read ([`Note`]: trials, stops with their reason, contact, losses), and passes everything on. The
+//! only thing it publishes is that the session file is in trouble. Two pure translations follow: [`SessionFile`] is the shape of an MCAP file, [`View`] turns
 //! messages into Rerun entities, alike for a live viewer, an `.rrd` file and replay. [`Sinks`] is the shell's part:
 //! every file and viewer has a thread behind a bounded queue, so that none of them can hold up the node. What does
 //! not fit is dropped, counted and shown.
@@ -48,9 +49,9 @@ pub use evidence::{Evidence, Fault, NoEvidence, RecordedNode, Run};
 pub use heard::{Entry, Heard, JournalPart, Level, Note, Sample};
 pub use node::{Event, Output, Recorder};
 pub use reader::{
-    ChannelRead, Damage, NodeRecord, Noted, ReadError, Recorded, Recording, RepairError, Repaired, repair,
+    ChannelRead, Damage, NodeRecord, Noted, PartsReader, ReadError, Recorded, Recording, RepairError, Repaired, repair,
 };
 pub use session_file::{JOURNAL_ENCODING, Provenance, SessionFile, WriteError};
-pub use sinks::{Closed, Drops, Ended, Notice, OpenError, Sinks};
-pub use tally::{Counts, JournalCount, StreamCount};
+pub use sinks::{Closed, Drops, Ended, Lost, Notice, OpenError, Sinks, part_path};
+pub use tally::{ClockOffset, Counts, Gap, JournalCount, StreamCount};
 pub use view::{Drawing, Moment, View};

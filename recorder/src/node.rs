@@ -4,8 +4,8 @@ use std::mem::discriminant;
 use std::sync::Arc;
 
 use tandem_wire::{
-    Envelope, Malformed, Memory, Motion, Node, NodeName, Outbox, Pace, Reason, Remember, SECOND, Setpoint, Stamp,
-    State, Timing, Topic, Trial, Unreadable, seconds,
+    Condition, Envelope, Malformed, Memory, Motion, Node, NodeName, Numbering, Outbox, Pace, Reason, Remember, SECOND,
+    Session, Setpoint, Stamp, State, Storage, Timing, Topic, Trial, Unreadable, seconds,
 };
 
 use crate::heard::{Entry, Heard, Level, Note, Sample};
@@ -21,6 +21,8 @@ pub enum Event {
     Sample(Sample),
     /// Bytes arrived that are no message.
     Unreadable(Unreadable),
+    /// The shell has looked how the session file is doing.
+    Storage(Storage),
     /// The counts are due.
     Wake,
     /// A node appeared or vanished.
@@ -41,6 +43,8 @@ pub enum Output {
     Write(Arc<Heard>),
     /// Draw this in the view.
     Show(Arc<Heard>),
+    /// Tell the others how the session file is doing.
+    Say(Envelope<Storage>),
 }
 
 /// The recorder.
@@ -64,6 +68,8 @@ pub struct Recorder {
     arbiter: Option<Motion>,
     robot: Option<Motion>,
     in_contact: bool,
+    sayings: Numbering,
+    storage: Storage,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -95,7 +101,16 @@ impl Recorder {
             arbiter: None,
             robot: None,
             in_contact: false,
+            sayings: Numbering::new(Session(0)),
+            storage: Storage::default(),
         }
+    }
+
+    /// The same recorder, which says what it has to say in this session.
+    #[must_use]
+    pub fn in_session(mut self, session: Session) -> Self {
+        self.sayings = Numbering::new(session);
+        self
     }
 
     fn on_sample(&mut self, now: Stamp, sample: Sample, outbox: &mut Outbox<Output>) {
@@ -104,6 +119,9 @@ impl Recorder {
         self.tick = header.tick;
         if let Place::AfterGap(missed) = place {
             self.on_gap(now, topic, missed, outbox);
+        }
+        if self.timing.pace == Pace::Real && matches!(place, Place::Next | Place::AfterGap(_)) {
+            self.tally.time(now, topic, &header);
         }
         if let Sample::Journal(part) = &sample {
             self.tally.count_journal(part);
@@ -203,6 +221,15 @@ impl Recorder {
         self.note(now, note, outbox);
     }
 
+    /// Others hear of the session file when something changes, and again and again while something is wrong, so that
+    /// whoever comes late hears of it too.
+    fn on_storage(&mut self, now: Stamp, storage: Storage, outbox: &mut Outbox<Output>) {
+        let before = std::mem::replace(&mut self.storage, storage);
+        if before != storage || storage.condition != Condition::Kept {
+            outbox.push(Output::Say(self.sayings.envelope(now, self.tick, storage)));
+        }
+    }
+
     /// Remembers that the counts have changed.
     fn touch(&mut self, now: Stamp) {
         if matches!(self.phase, Phase::Silent) {
@@ -278,6 +305,7 @@ impl Node for Recorder {
                 self.touch(now);
                 self.on_unreadable(now, sample, outbox);
             }
+            Event::Storage(storage) => self.on_storage(now, storage, outbox),
             Event::Wake => {}
             Event::Presence { peer, alive } => self.on_presence(now, peer, alive, outbox),
             Event::Stop => self.on_stop(now, outbox),

@@ -1,6 +1,8 @@
-//! The bytes at the recorder's edge: every topic comes in, nothing goes out.
+//! The bytes at the recorder's edge: every topic comes in; out goes only how the session file is doing.
 
-use tandem_wire::{Envelope, Input, JournalBatch, Malformed, Message, NodeName, Ports, Topic, Unreadable, decode};
+use tandem_wire::{
+    Envelope, Input, JournalBatch, Malformed, Message, NodeName, Ports, Topic, Unreadable, codec, decode, encode,
+};
 
 use crate::heard::{JournalPart, Sample};
 use crate::node::{Event, Output, Recorder};
@@ -24,11 +26,23 @@ impl Ports for Recorder {
         Topic::Info(NodeName::Arbiter),
         Topic::Info(NodeName::RobotSim),
         Topic::Info(NodeName::Recorder),
+        // What the shell finds when it looks at the session file; it stays in this process.
+        Topic::Device,
     ];
-    const OUTPUTS: &'static [Topic] = &[];
+    const OUTPUTS: &'static [Topic] = &[Topic::Storage];
 
     fn event(input: Input<'_>) -> Event {
         match input {
+            Input::Sample {
+                topic: Topic::Device,
+                bytes,
+            } => match codec::from_bytes(bytes) {
+                Ok(storage) => Event::Storage(storage),
+                Err(why) => Event::Unreadable(Unreadable {
+                    topic: Topic::Device,
+                    why,
+                }),
+            },
             Input::Sample { topic, bytes } => match sample(topic, bytes) {
                 Ok(sample) => Event::Sample(sample),
                 Err(why) => Event::Unreadable(Unreadable { topic, why }),
@@ -39,8 +53,17 @@ impl Ports for Recorder {
         }
     }
 
-    fn sample(_: &Output, _: &mut Vec<u8>) -> Option<Topic> {
-        None
+    fn sample(output: &Output, bytes: &mut Vec<u8>) -> Option<Topic> {
+        match output {
+            Output::Say(storage) => {
+                encode(storage, bytes);
+                Some(Topic::Storage)
+            }
+            Output::Write(_) | Output::Show(_) => {
+                bytes.clear();
+                None
+            }
+        }
     }
 }
 
@@ -55,8 +78,10 @@ fn sample(topic: Topic, bytes: &[u8]) -> Result<Sample, Malformed> {
         Topic::Trial => Sample::Trial(decode(bytes)?),
         Topic::Journal(node) => Sample::Journal(journal_part(node, bytes)?),
         Topic::Info(node) => Sample::Info(node, decode(bytes)?),
-        // Both show in setpoints and states, and their bytes in the journals of who heard them.
-        Topic::Lease | Topic::Emergency | Topic::Alive(_) | Topic::Device => return Err(Malformed::Topic),
+        // Lease and emergency show in setpoints and states, and their bytes in the journals of who heard them.
+        Topic::Lease | Topic::Emergency | Topic::Alive(_) | Topic::Device | Topic::Storage => {
+            return Err(Malformed::Topic);
+        }
     })
 }
 

@@ -20,7 +20,7 @@ use mcap::records::Record;
 use tandem_wire::{Happening, Header, JournalBatch, Nanos, NodeName, RobotName, Session, Stamp, Topic, decode, keys};
 
 use crate::heard::{JournalPart, Level};
-use crate::session_file::JOURNAL_ENCODING;
+use crate::session_file::{COUNTS, JOURNAL_ENCODING, PART};
 use crate::tally::{Counts, Tally};
 
 pub use records::{Damage, ReadError};
@@ -47,8 +47,11 @@ pub struct Recording {
     pub channels: Vec<ChannelRead>,
     /// What was received and missed, counted anew from the file.
     pub counts: Counts,
-    /// What the recorder wrote when it closed the file; empty if it never did.
+    /// What the recorder wrote last of what it received and lost; `closed` says whether that was at the end. Empty if it
+    /// never did.
     pub closing: BTreeMap<String, String>,
+    /// Which part of its session the first file read is, if it is not the first.
+    pub first_part: Option<String>,
     /// What is missing from the file or cannot be read.
     pub damage: Vec<Damage>,
 }
@@ -124,10 +127,55 @@ impl Recording {
     /// # Errors
     /// If there is no session in it at all. What is merely damaged is read as far as it goes.
     pub fn read(file: &[u8]) -> Result<Self, ReadError> {
-        let mut gathering = Gathering::default();
+        let mut parts = PartsReader::default();
+        parts.add(file)?;
+        parts.finish()
+    }
+}
+
+/// Reads the parts of one session together, in their order. One part is held in memory at a time.
+#[derive(Default)]
+pub struct PartsReader {
+    gathering: Gathering,
+    parts: usize,
+    damage: Vec<(usize, Damage)>,
+}
+
+impl PartsReader {
+    /// Reads the next part. A part of another session is left out, which is said as [`Damage::OtherSession`].
+    ///
+    /// # Errors
+    /// If it is no MCAP file; then what was read before stands as it was.
+    pub fn add(&mut self, file: &[u8]) -> Result<(), ReadError> {
+        let gathering = &mut self.gathering;
+        gathering.begin_part(self.parts > 0);
         records::summary(file, |record| gathering.introduce(&record));
         let damage = records::walk(file, |record| gathering.take(record))?;
-        let recording = gathering.assemble(damage);
+        self.parts += 1;
+        let number = self.parts;
+        if gathering.is_stranger {
+            self.damage.push((number, Damage::OtherSession));
+        } else {
+            self.damage.extend(damage.into_iter().map(|damage| (number, damage)));
+        }
+        Ok(())
+    }
+
+    /// Puts together what was read.
+    ///
+    /// # Errors
+    /// If there is no session in it at all.
+    pub fn finish(self) -> Result<Recording, ReadError> {
+        let is_whole = self.parts < 2;
+        let place = |(part, damage)| match is_whole {
+            true => damage,
+            false => Damage::InPart {
+                part,
+                what: Box::new(damage),
+            },
+        };
+        let damage = self.damage.into_iter().map(place).collect();
+        let recording = self.gathering.assemble(damage);
         let is_session = recording.robot.is_some() || !recording.messages.is_empty();
         is_session.then_some(recording).ok_or(ReadError::NoSession)
     }
@@ -144,8 +192,17 @@ struct Gathering {
     unknown: u64,
     unreadable_journals: u64,
     layout: Option<String>,
+    /// Not the first file that is read.
+    is_later: bool,
+    /// The file belongs to another session.
+    is_stranger: bool,
+    /// When this part begins, in nanoseconds since 1970, if it is a later one of its session.
+    begins: Option<Nanos>,
+    /// What lasts, and so stands at the beginning of every part.
+    lasting: BTreeSet<(Topic, Session, u64)>,
 }
 
+#[derive(Clone, Copy)]
 struct Known {
     index: usize,
     kind: Kind,
@@ -160,8 +217,15 @@ enum Kind {
 }
 
 impl Gathering {
+    /// Another file numbers its channels anew.
+    fn begin_part(&mut self, is_later: bool) {
+        self.channels.clear();
+        (self.is_later, self.is_stranger, self.begins) = (is_later, false, None);
+    }
+
     fn take(&mut self, record: Record<'_>) {
         match record {
+            _ if self.is_stranger => {}
             Record::Message { header, data } => self.message(&header, &data),
             Record::Metadata(metadata) => self.metadata(&metadata.name, metadata.metadata),
             Record::Attachment { header, data, .. } => {
@@ -173,7 +237,7 @@ impl Gathering {
 
     fn introduce(&mut self, record: &Record<'_>) {
         let Record::Channel(channel) = record else { return };
-        if self.channels.contains_key(&channel.id) {
+        if self.channels.contains_key(&channel.id) || self.is_stranger {
             return;
         }
         let parsed = keys::parse(&channel.topic);
@@ -186,8 +250,13 @@ impl Gathering {
             None if channel.topic.starts_with(keys::ROOT) && channel.topic.ends_with("/log") => Kind::Log,
             _ => Kind::Other,
         };
-        let index = self.recording.channels.len();
+        let same = |known: &ChannelRead| known.topic == channel.topic && known.encoding == channel.message_encoding;
+        let known = self.recording.channels.iter().position(same);
+        let index = known.unwrap_or(self.recording.channels.len());
         self.channels.insert(channel.id, Known { index, kind });
+        if known.is_some() {
+            return;
+        }
         self.recording.channels.push(ChannelRead {
             topic: channel.topic.clone(),
             encoding: channel.message_encoding.clone(),
@@ -196,10 +265,16 @@ impl Gathering {
     }
 
     fn message(&mut self, header: &mcap::records::MessageHeader, data: &[u8]) {
-        let Some(known) = self.channels.get(&header.channel_id) else {
+        let Some(known) = self.channels.get(&header.channel_id).copied() else {
             self.unknown += 1;
             return;
         };
+        if let Kind::Message(topic) = known.kind
+            && is_lasting(topic)
+            && self.is_repeated(topic, header.log_time, data)
+        {
+            return;
+        }
         if let Some(channel) = self.recording.channels.get_mut(known.index) {
             let first = if channel.messages == 0 {
                 header.log_time
@@ -228,19 +303,31 @@ impl Gathering {
         }
     }
 
+    /// Whether this only stands here so that the part can be read alone, and was read before.
+    fn is_repeated(&mut self, topic: Topic, log_time: Nanos, data: &[u8]) -> bool {
+        let Some(header) = protobuf::header(data) else {
+            return false;
+        };
+        let is_new = self.lasting.insert((topic, header.session, header.seq.0));
+        self.is_later && !is_new && self.begins == Some(log_time)
+    }
+
     fn journal(&mut self, node: NodeName, bytes: &[u8]) {
         let Ok(batch) = decode::<JournalBatch>(bytes) else {
             self.unreadable_journals += 1;
             return;
         };
-        self.tally.count_journal(&JournalPart {
-            node,
-            header: batch.header,
-            first: batch.body.first,
-            entries: batch.body.entries.len() as u64,
-            lost: batch.body.lost,
-            bytes: Vec::new(),
-        });
+        // The recorder's own holds what lasts when a part begins, and no part of it can be missing.
+        if node != NodeName::Recorder {
+            self.tally.count_journal(&JournalPart {
+                node,
+                header: batch.header,
+                first: batch.body.first,
+                entries: batch.body.entries.len() as u64,
+                lost: batch.body.lost,
+                bytes: Vec::new(),
+            });
+        }
         for entry in batch.body.entries {
             let (Happening::Sample { topic, bytes } | Happening::Output { topic, bytes }) = entry.what else {
                 continue;
@@ -257,12 +344,22 @@ impl Gathering {
         let mut take = |key: &str| fields.remove(key).unwrap_or_default();
         match name {
             "tandem.session" => {
+                let epoch = take("epoch_unix_nanos").parse().unwrap_or(0);
+                if self.is_later && epoch != self.recording.epoch_unix_nanos {
+                    self.is_stranger = true;
+                    return;
+                }
+                self.recording.epoch_unix_nanos = epoch;
                 self.recording.robot = take("robot").parse().ok().or(self.recording.robot.take());
                 self.recording.recorder_build = take("recorder_build");
-                self.recording.epoch_unix_nanos = take("epoch_unix_nanos").parse().unwrap_or(0);
                 self.layout = Some(take("layout_version"));
             }
-            "tandem.counts" => self.recording.closing = fields,
+            COUNTS => self.recording.closing = fields,
+            PART => {
+                self.recording.first_part.get_or_insert(take("number"));
+                let begins: Option<Nanos> = take("begins_ns").parse().ok();
+                self.begins = begins.map(|begins| self.recording.epoch_unix_nanos.saturating_add(begins));
+            }
             _ => {
                 let node = name.strip_prefix("tandem.node.");
                 let node = node.and_then(|name| NodeName::ALL.into_iter().find(|node| node.as_str() == name));
@@ -289,9 +386,9 @@ impl Gathering {
         for note in &mut self.recording.notes {
             note.at.0 = note.at.0.saturating_sub(epoch);
         }
-        self.recording.counts = self.tally.counts();
         self.recording.damage = damage;
         let without_body = self.join(epoch);
+        self.recording.counts = self.tally.counts();
         let mut damaged = |is_so: bool, what: Damage| self.recording.damage.extend(is_so.then_some(what));
         damaged(self.unknown > 0, Damage::UnknownChannel { messages: self.unknown });
         let parts = self.unreadable_journals;
@@ -319,6 +416,7 @@ impl Gathering {
             if !done.insert(id) {
                 continue;
             }
+            self.tally.time(at, *topic, header);
             match self.bodies.remove(&id) {
                 Some(bytes) => self.recording.messages.push(Recorded {
                     at,
@@ -343,6 +441,11 @@ impl Gathering {
         self.recording.messages.sort_by_key(|message| message.at);
         without_body
     }
+}
+
+/// What holds until the next of its kind, and so is repeated at the beginning of every part.
+const fn is_lasting(topic: Topic) -> bool {
+    matches!(topic, Topic::Scene | Topic::Trial | Topic::Forecast)
 }
 
 /// What is a message of the loop, as opposed to what is about it.

@@ -17,7 +17,8 @@
 //! | `…/journal/<node>` | bytes as they travelled | the journals, for executing the session again |
 //!
 //! What it takes to build a node again lies in a metadata record `tandem.node.<node>` and, for the model, in an
-//! attachment named by its hash. `tandem.session` says whose session it is, `tandem.counts` what was lost.
+//! attachment named by its hash. `tandem.session` says whose session it is, `tandem.counts` what was lost (the last one
+//! counts; `closed` says whether it is the end's), `tandem.part` in a later part which part it is.
 //!
 //! A message's `log_time` is its arrival at the recorder, its `publish_time` the sender's stamp, both counted from
 //! the same wall-clock epoch: the sender's clock is its own, so across machines publish times carry its offset. The
@@ -25,33 +26,46 @@
 
 mod cloud;
 mod convert;
+mod losses;
 mod schemas;
 mod standard;
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Seek, Write};
+use std::sync::Arc;
 
 use foxglove::Encode;
 use foxglove::messages::Timestamp;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions};
 use sha2::{Digest, Sha256};
-use tandem_wire::{Envelope, Nanos, NodeInfo, NodeName, RobotName, Scene, Seq, Stamp, Topic};
+use tandem_wire::{
+    Envelope, Happening, JournalBatch, JournalEntry, Nanos, NodeInfo, NodeName, Numbering, RobotName, SECOND, Scene,
+    Seq, Session, Stamp, Topic,
+};
 
 use crate::heard::{Entry, Heard, JournalPart, Sample};
 use crate::sinks::Drops;
 use crate::tally::Counts;
+use losses::Losses;
 
 /// How the bytes on a journal channel are encoded.
 pub const JOURNAL_ENCODING: &str = "x-tandem-wire-1";
+
+/// What is lost is written down again at most this often: it ends a chunk.
+const LOSSES_EVERY: Nanos = 10 * SECOND;
+/// The record of what was received and lost.
+pub(crate) const COUNTS: &str = "tandem.counts";
+/// The record that a later part of a session has.
+pub(crate) const PART: &str = "tandem.part";
 
 const JOURNAL_SCHEMA: &str = "One message of layout version 1 as it travelled. Header of 32 bytes, little-endian: \
 version u8 = 1, kind u8 = 8, zero u16, tick u32, session u64, sequence u64, sent u64 in nanoseconds. Then the body \
 in bincode 2, fixed-width little-endian integers: first u64, lost u64, count u64, and that many entries of: at u64, \
 wall u64, both in nanoseconds, variant u32 with 0 sample (topic, length u64, bytes), 1 wake, 2 presence (peer u32, \
-alive u8), 3 stop, 4 output (topic, length u64, bytes). A topic is a u32 (0 command, 1 proposal, 2 forecast, \
-3 setpoint, 4 state, 5 scene, 6 trial, 7 journal, 8 info, 9 alive, 10 device), followed for 7 to 9 by the node as a \
+alive u8), 3 stop, 4 output (topic, length u64, bytes), 5 snapshot (length u64, bytes). A topic is a u32 (0 command, 1 proposal, 2 forecast, \
+3 setpoint, 4 state, 5 scene, 6 trial, 7 journal, 8 info, 9 alive, 10 device, 11 storage), followed for 7 to 9 by the node as a \
 u32 (0 operator, 1 predictor, 2 arbiter, 3 robot-sim, 4 recorder).";
 
 /// Whose session it is, and where its time axis lies.
@@ -87,6 +101,8 @@ pub struct SessionFile<W: Write + Seek> {
     provenance: Provenance,
     channels: BTreeMap<&'static str, u16>,
     journals: BTreeMap<NodeName, u16>,
+    /// What was last written down as lost, and when.
+    told: (Losses, Stamp),
     infos: BTreeMap<NodeName, NodeInfo>,
     /// The surroundings as last written: the arm's shape is part of them.
     scene: Option<Scene>,
@@ -114,6 +130,8 @@ impl<W: Write + Seek> SessionFile<W> {
     pub fn begin(to: W, chunk_bytes: u64, provenance: Provenance) -> Result<Self, WriteError> {
         let options = WriteOptions::new()
             .compression(Some(Compression::Zstd))
+            // Every chunk is written in one piece behind the last, so that what a crash leaves is a whole file cut short.
+            .disable_seeking(true)
             // A pool of compressors costs megabytes and saves nothing at a few hundred kilobytes a second.
             .compression_threads(0)
             .chunk_size(Some(chunk_bytes))
@@ -123,6 +141,7 @@ impl<W: Write + Seek> SessionFile<W> {
             provenance,
             channels: BTreeMap::new(),
             journals: BTreeMap::new(),
+            told: (Losses::default(), Stamp(0)),
             infos: BTreeMap::new(),
             scene: None,
             models: BTreeSet::new(),
@@ -132,6 +151,57 @@ impl<W: Write + Seek> SessionFile<W> {
         };
         file.write_provenance()?;
         Ok(file)
+    }
+
+    /// Makes a file that was just begun the `number`th part of a session that has lasted until `at`: with `lasting`,
+    /// what holds at its beginning (nodes, scene, trial, forecast), it can be read alone.
+    ///
+    /// The lasting messages stand on their channels once more, as arrived at `at`, and as they travelled on
+    /// `journal/recorder`.
+    ///
+    /// # Errors
+    /// If the file cannot take it.
+    pub fn continue_session(&mut self, number: u32, at: Stamp, lasting: &[Arc<Heard>]) -> Result<(), WriteError> {
+        let fields = BTreeMap::from([
+            ("number".to_owned(), number.to_string()),
+            ("begins_ns".to_owned(), at.0.to_string()),
+        ]);
+        self.write_metadata(PART.to_owned(), fields)?;
+        let mut travelled = Vec::new();
+        for heard in lasting {
+            let Entry::Sample(sample) = &heard.entry else { continue };
+            let heard = Heard {
+                at,
+                ..Heard::clone(heard)
+            };
+            self.write_sample(&heard, sample)?;
+            travelled.extend(sample.travelled().map(|(topic, bytes)| JournalEntry {
+                at,
+                wall: at,
+                what: Happening::Sample { topic, bytes },
+            }));
+        }
+        if travelled.is_empty() {
+            return Ok(());
+        }
+        let body = JournalBatch {
+            first: 0,
+            lost: 0,
+            entries: travelled,
+        };
+        let part = JournalPart::of(NodeName::Recorder, &Numbering::new(Session(0)).envelope(at, 0, body));
+        let sequence = Seq(number.into());
+        let heard = Heard {
+            at,
+            session_time: at,
+            tick: 0,
+            entry: Entry::Sample(Sample::Journal(part)),
+        };
+        let Entry::Sample(Sample::Journal(part)) = &heard.entry else {
+            return Ok(());
+        };
+        let times = self.times(&heard, at, sequence);
+        self.put_journal(times, part)
     }
 
     /// Writes one thing that was heard; `drops` so far go with the counts.
@@ -147,7 +217,8 @@ impl<W: Write + Seek> SessionFile<W> {
             }
             Entry::Counts(counts) => {
                 let times = self.own_times(heard);
-                self.put("counts", times, &schemas::Counts::new(counts, drops))
+                self.put("counts", times, &schemas::Counts::new(counts, drops))?;
+                self.tell_losses(heard.at, counts, drops)
             }
         }
     }
@@ -165,30 +236,32 @@ impl<W: Write + Seek> SessionFile<W> {
     /// # Errors
     /// If the file cannot take it.
     pub fn close(mut self, counts: &Counts, drops: Drops) -> Result<(u64, W), WriteError> {
-        let mut lost = BTreeMap::from([
-            ("dropped.session_file".to_owned(), drops.session_file.to_string()),
-            ("dropped.views".to_owned(), drops.views.to_string()),
-        ]);
-        for count in &counts.streams {
-            let mut put = |what: &str, number: u64| lost.insert(format!("{}.{what}", count.topic), number.to_string());
-            put("received", count.received);
-            put("missed", count.missed);
-            put("unreadable", count.unreadable);
-            put("repeated", count.repeated);
-        }
-        for count in &counts.journals {
-            let missing = count.lost.saturating_add(count.missed);
-            lost.insert(format!("journal/{}.entries_missing", count.node), missing.to_string());
-        }
-        self.write_metadata("tandem.counts".to_owned(), lost)?;
+        self.write_metadata(COUNTS.to_owned(), losses::fields(counts, drops, true))?;
         self.writer.finish()?;
         Ok((self.messages, self.writer.into_inner()))
+    }
+
+    /// Gives back what it was written to, as it is: after a failure, when no further byte may be written.
+    #[must_use]
+    pub fn abandon(self) -> W {
+        self.writer.into_inner()
     }
 
     /// How many messages it holds. What was not flushed since may not survive a crash.
     #[must_use]
     pub const fn messages(&self) -> u64 {
         self.messages
+    }
+
+    /// Writes down what is lost so far if there is news, for the file may never be closed.
+    fn tell_losses(&mut self, at: Stamp, counts: &Counts, drops: Drops) -> Result<(), WriteError> {
+        let (told, when) = &self.told;
+        let losses = Losses::new(counts, drops);
+        if losses == *told || at.since(*when) < LOSSES_EVERY {
+            return Ok(());
+        }
+        self.told = (losses, at);
+        self.write_metadata(COUNTS.to_owned(), losses::fields(counts, drops, false))
     }
 
     fn write_sample(&mut self, heard: &Heard, sample: &Sample) -> Result<(), WriteError> {

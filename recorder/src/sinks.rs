@@ -10,9 +10,12 @@
 //! A sink that fails or falls behind says so once, as a [`Notice`]; from then on what it misses is counted. Closing
 //! waits for the threads up to a limit and then leaves them behind.
 
+mod disk;
+mod drops;
 mod feed;
 mod file;
 mod history;
+mod landmarks;
 mod program;
 mod rerun_stream;
 mod viewer;
@@ -23,27 +26,20 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crossbeam_channel::{Receiver, bounded};
-use tandem_wire::{NodeName, Timing};
+use tandem_wire::{Condition, NodeName, Storage, Timing};
 
 use crate::config::{RecorderConfig, ViewTarget};
 use crate::heard::{Entry, Heard, Level, Note};
 use crate::node::Output;
 use crate::session_file::Provenance;
+pub use drops::{Drops, Lost};
 use feed::{Feed, Shared};
 use file::FileSink;
+pub use file::part_path;
 use rerun_stream::StreamSink;
 
 /// Notices that may wait to be read; each sink makes one or two in its life.
 const NOTICES: usize = 32;
-
-/// What never reached a sink because its queue was full or the sink had failed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Drops {
-    /// Messages missing from the session file.
-    pub session_file: u64,
-    /// Messages missing from views, all taken together.
-    pub views: u64,
-}
 
 /// Why recording cannot begin.
 #[derive(Debug, thiserror::Error)]
@@ -111,6 +107,16 @@ pub enum Notice {
         /// Which sink.
         sink: String,
     },
+    /// Messages never reached the session file.
+    Dropped {
+        /// How many so far, by channel.
+        channels: Vec<(String, u64)>,
+    },
+    /// There is room again: the session goes on in another file.
+    Resumed {
+        /// Which one.
+        path: PathBuf,
+    },
     /// A sink cannot go on.
     Failed {
         /// Which sink.
@@ -134,7 +140,25 @@ impl fmt::Display for Notice {
                 "the viewer at {url} has gone; recording goes on, and it is shown the session again when it is back"
             ),
             Self::Behind { sink } => write!(f, "{sink} falls behind; what it misses is counted"),
+            Self::Dropped { channels } => {
+                f.write_str("missing from the session file so far:")?;
+                let mut channels = channels.iter();
+                channels.try_for_each(|(channel, number)| write!(f, " {number} on {channel};"))
+            }
+            Self::Resumed { path } => write!(f, "recording goes on in {}", path.display()),
             Self::Failed { sink, why } => write!(f, "{sink} cannot go on ({why}); what it misses is counted"),
+        }
+    }
+}
+
+impl Notice {
+    /// How much it matters to whoever reads the log: that nothing is kept any more is as bad as it gets.
+    #[must_use]
+    pub const fn level(&self) -> Level {
+        match self {
+            Self::Failed { .. } => Level::Error,
+            Self::Resumed { .. } => Level::Info,
+            _ => Level::Warning,
         }
     }
 }
@@ -170,6 +194,10 @@ pub struct Sinks {
     shared: Arc<Shared>,
     told: Receiver<Notice>,
     notices: Vec<Notice>,
+    /// What was missing from the session file when that was last asked.
+    dropped_before: u64,
+    /// The same when it was last told to people.
+    dropped_said: u64,
 }
 
 impl Sinks {
@@ -195,6 +223,8 @@ impl Sinks {
             shared,
             told,
             notices: Vec::new(),
+            dropped_before: 0,
+            dropped_said: 0,
         })
     }
 
@@ -212,6 +242,8 @@ impl Sinks {
                     view.offer(Arc::clone(&heard));
                 }
             }
+            // For the network, not for a file.
+            Output::Say(_) => {}
         }
     }
 
@@ -228,6 +260,24 @@ impl Sinks {
         self.shared.drops()
     }
 
+    /// How the session file is doing, for whoever wants to tell others: [`Condition::Behind`] if something was dropped
+    /// since this was last asked.
+    pub fn storage(&mut self) -> Storage {
+        let dropped = self.shared.drops().session_file.total();
+        let before = std::mem::replace(&mut self.dropped_before, dropped);
+        // Said at the first loss and at every doubling: often enough to be seen, too seldom to flood a log.
+        if dropped > 0 && dropped >= self.dropped_said.saturating_mul(2) {
+            self.dropped_said = dropped;
+            let channels = self.shared.drops().session_file.by_channel().collect();
+            self.shared.say(Notice::Dropped { channels });
+        }
+        let condition = match self.shared.condition() {
+            Condition::Kept if dropped > before => Condition::Behind,
+            condition => condition,
+        };
+        Storage { condition, dropped }
+    }
+
     /// What there is to be said since it was last asked.
     pub fn notices(&mut self) -> Vec<Notice> {
         self.notices.extend(self.told.try_iter());
@@ -237,11 +287,19 @@ impl Sinks {
     /// Ends every sink, waiting for all of them together at most `limit`. What has not ended by then is left behind.
     #[must_use]
     pub fn close(mut self, limit: Duration) -> Closed {
-        let until = crossbeam_channel::after(limit);
+        let mut until = crossbeam_channel::after(limit);
         let feeds: Vec<_> = self.file.take().into_iter().chain(self.views.drain(..)).collect();
         // All are told to end before any is waited for.
         let ending: Vec<_> = feeds.into_iter().map(Feed::end).collect();
-        let sinks = ending.into_iter().map(|ending| ending.wait(&until)).collect();
+        let mut sinks = Vec::with_capacity(ending.len());
+        for ending in ending {
+            let (ended, is_time_up) = ending.wait(&until);
+            sinks.push(ended);
+            if is_time_up {
+                // The moment comes once; for those behind it has come as well.
+                until = crossbeam_channel::after(Duration::ZERO);
+            }
+        }
         Closed {
             sinks,
             drops: self.shared.drops(),
@@ -249,17 +307,18 @@ impl Sinks {
         }
     }
 
-    /// Keeps what the sinks say in the session file too, where the losses are.
+    /// Keeps what the sinks say in the session file and the views too, where the losses are.
     fn listen(&mut self, heard: &Heard) {
         while let Ok(notice) = self.told.try_recv() {
-            if let Some(file) = &mut self.file {
-                let note = Note {
-                    level: Level::Warning,
-                    about: NodeName::Recorder,
-                    text: notice.to_string(),
-                };
-                let entry = Entry::Note(note);
-                file.offer(Arc::new(Heard { entry, ..*heard }));
+            let note = Note {
+                level: notice.level(),
+                about: NodeName::Recorder,
+                text: notice.to_string(),
+            };
+            let entry = Entry::Note(note);
+            let heard = Arc::new(Heard { entry, ..*heard });
+            for feed in self.file.iter_mut().chain(&mut self.views) {
+                feed.offer(Arc::clone(&heard));
             }
             self.notices.push(notice);
         }
@@ -272,7 +331,7 @@ fn open_file(
     provenance: &Provenance,
     shared: &Arc<Shared>,
 ) -> Result<Feed, OpenError> {
-    let sink = FileSink::create(path, config.chunk_bytes, provenance, Arc::clone(shared))?;
+    let sink = FileSink::create(path, config, provenance, Arc::clone(shared))?;
     let limits = feed::Limits {
         messages: config.file_queue,
         bytes: config.file_queue_bytes,
@@ -305,7 +364,7 @@ fn open_view(
         ViewTarget::Save(path) => {
             let flush = rerun_stream::FILE_BATCH;
             let limits = feed::Limits { flush, ..limits };
-            let sink = StreamSink::save(path, config.rrd_index, timing, provenance)?;
+            let sink = StreamSink::save(path, config.rrd_index, timing, provenance, Arc::clone(shared))?;
             Feed::start("the Rerun recording", Some(path.clone()), kind, limits, shared, sink)
         }
         ViewTarget::Connect(_) | ViewTarget::Spawn | ViewTarget::Serve => {

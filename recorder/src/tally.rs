@@ -4,17 +4,21 @@
 //! sender's run are remembered one by one, so that a repeated message is told from a late one; further back it is
 //! taken for late.
 
+mod clocks;
+mod gaps;
+
 use std::collections::BTreeMap;
 
-use tandem_wire::{Header, NodeName, Session, Topic};
+use tandem_wire::{Header, NodeName, Session, Stamp, Topic};
 
 use crate::heard::JournalPart;
+pub use clocks::ClockOffset;
+use clocks::Clocks;
+use gaps::Gaps;
 
 /// Runs of senders that are remembered per topic. Two operators may send at once; more than four are told apart no
 /// longer, which makes their counts too high rather than the table too large.
 const RUNS: usize = 4;
-/// Gaps of a journal that are remembered, so that a part that arrives late can close its gap.
-const GAPS: usize = 64;
 
 /// How one message stands in its stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,6 +72,25 @@ pub struct Counts {
     pub streams: Vec<StreamCount>,
     /// Per journal.
     pub journals: Vec<JournalCount>,
+    /// Which numbers never came, by topic and run; only the newest of very many.
+    pub gaps: Vec<Gap>,
+    /// Gaps that are not among them.
+    pub gaps_forgotten: u64,
+    /// What is known of the senders' clocks; nothing in lockstep, where stamps are no times.
+    pub clocks: Vec<ClockOffset>,
+}
+
+/// Numbers that never came.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Gap {
+    /// On which topic.
+    pub topic: Topic,
+    /// In which run of its sender.
+    pub session: Session,
+    /// The first missing sequence number; of a journal, the first missing entry's index.
+    pub first: u64,
+    /// The last missing one.
+    pub last: u64,
 }
 
 /// Keeps the counts.
@@ -75,21 +98,25 @@ pub struct Counts {
 pub(crate) struct Tally {
     streams: BTreeMap<Topic, Stream>,
     journals: BTreeMap<NodeName, Journal>,
+    clocks: Clocks,
 }
 
 #[derive(Clone, Debug)]
 struct Stream {
     count: StreamCount,
     runs: Vec<Run>,
+    /// Gaps of runs that are no longer told apart.
+    forgotten: u64,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Run {
     session: Session,
     first: u64,
     newest: u64,
     /// Bit `i` says whether number `newest − i` was heard.
     heard: u64,
+    gaps: Gaps,
 }
 
 #[derive(Clone, Debug)]
@@ -97,8 +124,8 @@ struct Journal {
     count: JournalCount,
     session: Session,
     next: u64,
-    /// Half-open ranges of indices that have not come, oldest first.
-    gaps: Vec<(u64, u64)>,
+    /// Indices that have not come.
+    gaps: Gaps,
 }
 
 impl Tally {
@@ -114,6 +141,11 @@ impl Tally {
             Place::Repeated => stream.count.repeated += 1,
         }
         place
+    }
+
+    /// Takes in when a message arrived that is new, where stamps are times.
+    pub(crate) fn time(&mut self, now: Stamp, topic: Topic, header: &Header) {
+        self.clocks.hear(now, topic, header);
     }
 
     /// Counts a sample that could not be read, and says how many there were before it.
@@ -139,7 +171,37 @@ impl Tally {
         Counts {
             streams: self.streams.values().map(|stream| stream.count).collect(),
             journals: self.journals.values().map(|journal| journal.count).collect(),
+            gaps: self.gaps().collect(),
+            gaps_forgotten: self.gaps_forgotten(),
+            clocks: self.clocks.offsets(),
         }
+    }
+
+    fn gaps(&self) -> impl Iterator<Item = Gap> + '_ {
+        let of_streams = self.streams.iter().flat_map(|(topic, stream)| {
+            let gaps = |run: &'_ Run| (*topic, run.session, run.gaps.clone());
+            stream.runs.iter().map(gaps)
+        });
+        let of_journals = self
+            .journals
+            .iter()
+            .map(|(node, journal)| (Topic::Journal(*node), journal.session, journal.gaps.clone()));
+        of_streams.chain(of_journals).flat_map(|(topic, session, gaps)| {
+            let gap = |(first, end): (u64, u64)| Gap {
+                topic,
+                session,
+                first,
+                last: end - 1,
+            };
+            gaps.ranges().map(gap).collect::<Vec<_>>()
+        })
+    }
+
+    fn gaps_forgotten(&self) -> u64 {
+        let of_runs = |stream: &Stream| stream.runs.iter().map(|run| run.gaps.forgotten()).sum::<u64>();
+        let of_streams = self.streams.values().map(|stream| stream.forgotten + of_runs(stream));
+        let of_journals = self.journals.values().map(|journal| journal.gaps.forgotten());
+        of_streams.chain(of_journals).sum()
     }
 
     fn stream(&mut self, topic: Topic) -> &mut Stream {
@@ -154,6 +216,7 @@ impl Tally {
                 runs: 0,
             },
             runs: Vec::with_capacity(RUNS),
+            forgotten: 0,
         })
     }
 }
@@ -164,13 +227,15 @@ impl Stream {
         let Some(run) = self.runs.iter_mut().find(|run| run.session == header.session) else {
             self.count.runs += 1;
             if self.runs.len() == RUNS {
-                self.runs.remove(0);
+                let oldest = self.runs.remove(0);
+                self.forgotten += oldest.gaps.forgotten() + oldest.gaps.ranges().count() as u64;
             }
             self.runs.push(Run {
                 session: header.session,
                 first: seq,
                 newest: seq,
                 heard: 1,
+                gaps: Gaps::default(),
             });
             return Place::Next;
         };
@@ -178,6 +243,7 @@ impl Stream {
         // Before the run's first message nothing was counted as missed, so nothing is given back.
         if place == Place::Late && seq > run.first && run.newest - seq < u64::from(u64::BITS) {
             self.count.missed = self.count.missed.saturating_sub(1);
+            run.gaps.fill(seq, seq + 1);
         }
         place
     }
@@ -190,6 +256,9 @@ impl Run {
                 .ok()
                 .and_then(|ahead| self.heard.checked_shl(ahead));
             self.heard = shifted.unwrap_or(0) | 1;
+            if ahead > 1 {
+                self.gaps.add(self.newest + 1, seq);
+            }
             self.newest = seq;
             return if ahead == 1 {
                 Place::Next
@@ -221,7 +290,7 @@ impl Journal {
             },
             session: part.header.session,
             next: part.first,
-            gaps: Vec::new(),
+            gaps: Gaps::default(),
         }
     }
 
@@ -234,40 +303,15 @@ impl Journal {
             self.count.lost += lost;
             if missing > lost {
                 self.count.missed += missing - lost;
-                self.remember_gap(self.next, part.first - lost);
+                self.gaps.add(self.next, part.first - lost);
             }
             self.count.entries += part.entries;
             self.next = end;
         } else {
-            let filled = self.fill(part.first, end);
+            let filled = self.gaps.fill(part.first, end);
             self.count.missed = self.count.missed.saturating_sub(filled);
             self.count.entries += filled;
         }
-    }
-
-    fn remember_gap(&mut self, from: u64, to: u64) {
-        if self.gaps.len() == GAPS {
-            self.gaps.remove(0);
-        }
-        self.gaps.push((from, to));
-    }
-
-    /// Takes `from..to` out of the gaps and says how many indices that were.
-    fn fill(&mut self, from: u64, to: u64) -> u64 {
-        let mut filled = 0;
-        let mut left = Vec::with_capacity(self.gaps.len() + 1);
-        for &(low, high) in &self.gaps {
-            let (cut_low, cut_high) = (low.max(from), high.min(to));
-            if cut_low >= cut_high {
-                left.push((low, high));
-                continue;
-            }
-            filled += cut_high - cut_low;
-            left.extend([(low, cut_low), (cut_high, high)].into_iter().filter(|(a, b)| a < b));
-        }
-        left.truncate(GAPS);
-        self.gaps = left;
-        filled
     }
 }
 
@@ -300,6 +344,8 @@ mod tests {
         assert_eq!(hear(4), Place::Late);
         let count = state_count(&tally);
         assert_eq!((count.received, count.missed, count.late, count.repeated), (5, 1, 2, 1));
+        let gaps: Vec<_> = tally.gaps().map(|gap| (gap.topic, gap.first, gap.last)).collect();
+        assert_eq!(gaps, [(Topic::State, 7, 7)], "and which one it is, is known");
     }
 
     #[test]

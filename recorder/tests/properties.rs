@@ -91,6 +91,7 @@ proptest! {
                 match output {
                     Output::Write(heard) => written += usize::from(matches!(heard.entry, Entry::Sample(_))),
                     Output::Show(heard) => view.draw(&heard, Drops::default(), &mut drawings),
+                    Output::Say(_) => {}
                 }
             }
             prop_assert!(recorder.deadline().is_none_or(|due| due > now || stopped));

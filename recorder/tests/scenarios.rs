@@ -4,12 +4,15 @@ mod script;
 
 use script::{PERIOD, a_state, record, session};
 use tandem_recorder::{Entry, Event, Level, Output, Recorder, Sample};
-use tandem_wire::{Input, Malformed, Node, NodeName, Outbox, Ports, Session, Stamp, Timing, Topic, Unreadable, encode};
+use tandem_wire::{
+    Condition, Input, Malformed, Node, NodeName, Outbox, Ports, Session, Stamp, Storage, Timing, Topic, Unreadable,
+    codec, decode, encode,
+};
 
 /// Every output in one line: what is written, and whether it is shown too.
 fn words(outputs: &[Output]) -> Vec<String> {
     let line = |output: &Output| match output {
-        Output::Show(_) => None,
+        Output::Show(_) | Output::Say(_) => None,
         Output::Write(heard) => Some(match &heard.entry {
             Entry::Sample(sample) => format!("{} {}", heard.tick, sample.topic()),
             Entry::Note(note) => format!("{} {:?} {note}", heard.tick, note.level),
@@ -53,7 +56,7 @@ fn everything_is_written_in_order_and_only_what_is_new_to_the_eye_is_shown() {
             Entry::Sample(sample) => Some(sample.topic()),
             _ => None,
         },
-        Output::Show(_) => None,
+        Output::Show(_) | Output::Say(_) => None,
     });
     assert!(written.eq(samples.iter().map(|sample| sample.topic)));
     let hidden =
@@ -68,7 +71,9 @@ fn everything_is_written_in_order_and_only_what_is_new_to_the_eye_is_shown() {
 #[test]
 fn in_lockstep_the_time_axis_is_the_tick() {
     for output in record(&session(), Timing::default().lockstep()) {
-        let (Output::Write(heard) | Output::Show(heard)) = output;
+        let (Output::Write(heard) | Output::Show(heard)) = output else {
+            continue;
+        };
         assert_eq!(heard.session_time, Stamp::of_tick(heard.tick, PERIOD));
     }
 }
@@ -180,4 +185,31 @@ fn a_second_robot_session_starts_new_numbers() {
         .drain()
         .filter(|output| matches!(output, Output::Show(heard) if matches!(heard.entry, Entry::Sample(_))));
     assert_eq!(shown.count(), 2);
+}
+
+#[test]
+fn what_is_wrong_with_the_session_file_is_told_again_and_again_and_once_that_it_is_over() {
+    let mut recorder = Recorder::new(Timing::default()).in_session(Session(5));
+    let mut outbox = Outbox::default();
+    let mut look = |condition, dropped| {
+        let found = codec::to_bytes(&Storage { condition, dropped });
+        let input = Input::Sample {
+            topic: Topic::Device,
+            bytes: &found,
+        };
+        recorder.step(Stamp(1), Recorder::event(input), &mut outbox);
+        let mut bytes = Vec::new();
+        let said = outbox.drain().map(|output| {
+            assert_eq!(Recorder::sample(&output, &mut bytes), Some(Topic::Storage));
+            decode::<Storage>(&bytes).unwrap()
+        });
+        said.collect::<Vec<_>>()
+    };
+    assert_eq!(look(Condition::Kept, 0), [], "all is well");
+    assert_eq!(look(Condition::Behind, 3)[0].body.dropped, 3);
+    let full = look(Condition::NoSpace, 9);
+    assert_eq!(full[0].header.session, Session(5));
+    assert_eq!(look(Condition::NoSpace, 9).len(), 1, "for whoever came late");
+    assert_eq!(look(Condition::Kept, 9).len(), 1);
+    assert_eq!(look(Condition::Kept, 9), []);
 }

@@ -5,7 +5,7 @@ mod script;
 use std::time::Duration;
 
 use script::{record, session};
-use tandem_recorder::{Live, OpenError, Provenance, RecorderConfig, RecorderSettings, Sinks};
+use tandem_recorder::{Drops, Live, OpenError, Provenance, RecorderConfig, RecorderSettings, Sinks};
 use tandem_wire::Timing;
 
 fn open(settings: &RecorderSettings) -> Result<Sinks, OpenError> {
@@ -63,7 +63,7 @@ fn a_session_goes_into_both_files() {
     }
     let closed = sinks.close(Duration::from_secs(20));
     assert_eq!(closed.notices, []);
-    assert_eq!((closed.drops.session_file, closed.drops.views), (0, 0));
+    assert_eq!(closed.drops, Drops::default());
     assert_eq!(
         closed.sinks.iter().map(|sink| sink.path.clone()).collect::<Vec<_>>(),
         [Some(mcap.clone()), Some(rrd.clone())]
@@ -103,4 +103,37 @@ fn a_viewer_that_is_not_there_holds_nothing_up() {
         "what nobody looked at is no loss: {closed:?}"
     );
     assert!(closed.sinks[1].messages.is_some(), "{closed:?}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_stalled_disk_and_a_stalled_viewer_together_hold_up_the_end_no_longer_than_one_of_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("a.mcap");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+    if !made.is_ok_and(|status| status.success()) {
+        eprintln!("skipped: there is no mkfifo");
+        return;
+    }
+    // Opened both ways it waits for nobody; it takes some kilobytes and then nothing more.
+    let _held = std::fs::File::options().read(true).write(true).open(&pipe).unwrap();
+    let viewer = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut sinks = open(&RecorderSettings {
+        path: pipe.to_str().unwrap().into(),
+        live: Live::Connect,
+        viewer: format!("rerun+http://{}/proxy", viewer.local_addr().unwrap()),
+        flush_ms: 20,
+        ..RecorderSettings::default()
+    })
+    .unwrap();
+    // That somebody listens there has been noticed.
+    let _connection = viewer.accept().unwrap();
+    for _ in 0..40 {
+        for output in record(&session(), Timing::default().lockstep()) {
+            sinks.handle(output);
+        }
+    }
+    // This returns at all.
+    let closed = sinks.close(Duration::from_millis(200));
+    assert_eq!(closed.sinks[0].messages, None, "the pipe is full: {closed:?}");
 }

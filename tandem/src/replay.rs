@@ -33,13 +33,19 @@ const REFRESH: Duration = Duration::from_millis(100);
 
 #[derive(Args)]
 pub(crate) struct ReplayFlags {
-    /// The session file.
+    /// The session file; later parts of it beside it are played with it.
     #[arg(value_name = "SESSION.mcap")]
     session: PathBuf,
+    /// Further parts of the same session, instead of those beside the first.
+    #[arg(value_name = "PART.mcap")]
+    more: Vec<PathBuf>,
     /// Executes every node again from its own journal and compares each output byte for byte, instead of playing. Exit
     /// code 0: identical; 1: a node diverged; 3: the recording is incomplete.
     #[arg(long, conflicts_with_all = ["speed", "from", "until", "repeats", "topics", "view", "rrd", "robot", "listen", "connect"])]
     verify: bool,
+    /// Notes the verdict beside the session file, as SESSION.verdict.json, where `tandem session info` finds it.
+    #[arg(long, requires = "verify")]
+    note: bool,
     /// Times the recorded speed, 0.1 to 100, or max [default: 1, and max into a file].
     #[arg(long, value_parser = speed)]
     speed: Option<Speed>,
@@ -112,10 +118,10 @@ fn rename(text: &str) -> Result<(Topic, String), String> {
 
 pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
     if flags.verify {
-        return verify::run(&flags.session, flags.json);
+        return verify::run(&flags.session, &flags.more, flags.json, flags.note);
     }
     let interrupted = interrupt::catch()?;
-    let recording = session::load(&flags.session)?;
+    let recording = session::load(&flags.session, &flags.more)?;
     session::warn(&recording);
     let timing = session::timing(&recording);
     let messages: Vec<&Recorded> = recording

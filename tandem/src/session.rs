@@ -1,7 +1,9 @@
 //! `tandem session`: what a session file holds, made whole, and as tables.
 
 mod export;
+mod family;
 mod info;
+mod verdict;
 
 use std::path::{Path, PathBuf};
 
@@ -13,6 +15,9 @@ use tandem_settings::Document;
 use tandem_wire::{Timing, Topic};
 
 use crate::Outcome;
+pub(crate) use family::load;
+pub(crate) use family::parts;
+pub(crate) use verdict::note;
 
 /// What is played and exported.
 pub(crate) const PLAYED: [Topic; 7] = [
@@ -31,14 +36,16 @@ pub(crate) enum SessionCommands {
     Info(InfoFlags),
     /// Writes what can be read of a damaged file into a whole one beside it.
     Repair(RepairFlags),
-    /// Writes tables, one row per message, with units in the names of the columns.
+    /// Writes tables, one row per message and one per tick, with units in the names of the columns.
     Export(ExportFlags),
 }
 
 #[derive(Args)]
 pub(crate) struct InfoFlags {
-    /// The session file.
+    /// The session file; later parts of it beside it are read with it.
     file: PathBuf,
+    /// Further parts of the same session, instead of those beside the first.
+    more: Vec<PathBuf>,
     /// Prints one JSON object.
     #[arg(long)]
     json: bool,
@@ -55,9 +62,11 @@ pub(crate) struct RepairFlags {
 
 #[derive(Args)]
 pub(crate) struct ExportFlags {
-    /// The session file.
+    /// The session file; later parts of it beside it are read with it.
     file: PathBuf,
-    /// The folder for state.csv, setpoint.csv, command.csv and proposal.csv; made if it is not there.
+    /// Further parts of the same session, instead of those beside the first.
+    more: Vec<PathBuf>,
+    /// The folder for state.csv, setpoint.csv, command.csv, proposal.csv and ticks.csv; made if it is not there.
     #[arg(long, value_name = "DIR")]
     csv: PathBuf,
 }
@@ -65,24 +74,19 @@ pub(crate) struct ExportFlags {
 pub(crate) fn run(command: &SessionCommands) -> anyhow::Result<Outcome> {
     match command {
         SessionCommands::Info(flags) => {
-            let recording = load(&flags.file)?;
-            info::print(&recording, flags.json)?;
+            let recording = family::load(&flags.file, &flags.more)?;
+            let verdict = verdict::find(&flags.file, &flags.more);
+            info::print(&recording, &verdict, flags.json)?;
             Ok(Outcome::Done)
         }
         SessionCommands::Repair(flags) => mend(flags),
         SessionCommands::Export(flags) => {
-            let recording = load(&flags.file)?;
+            let recording = family::load(&flags.file, &flags.more)?;
             warn(&recording);
             export::write(&recording, &flags.csv)?;
             Ok(Outcome::Done)
         }
     }
-}
-
-/// Reads a session file, damaged or not.
-pub(crate) fn load(path: &Path) -> anyhow::Result<Recording> {
-    let bytes = read(path)?;
-    Recording::read(&bytes).with_context(|| format!("cannot use {}", path.display()))
 }
 
 fn read(path: &Path) -> anyhow::Result<Vec<u8>> {

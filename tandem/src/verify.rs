@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::{BufReader, IsTerminal as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -12,15 +12,15 @@ use tandem_trials::{Difference, Divergence, EPSILON, Findings, Overall, RunFindi
 use tandem_wire::{NodeName, seconds};
 
 use crate::configuration::BadConfiguration;
-use crate::{BUILD, Outcome, table};
+use crate::{BUILD, Outcome, session, table};
 
 /// What takes longer shows how far it is.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Verifies the session file at `path` and prints what was found.
-pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<Outcome> {
+pub(crate) fn run(path: &Path, more: &[PathBuf], json: bool, note: bool) -> anyhow::Result<Outcome> {
     let began = Instant::now();
-    let evidence = read(path)?;
+    let evidence = read(path, more)?;
     let mut bar = None;
     let findings = reexecute(&evidence, |done, total| {
         if began.elapsed() > PATIENCE && std::io::stderr().is_terminal() {
@@ -34,6 +34,10 @@ pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<Outcome> {
         findings,
         took: began.elapsed(),
     };
+    if note {
+        let noted = session::note(path, more, &report.as_json())?;
+        eprintln!("verify: noted in {}", noted.display());
+    }
     if json {
         println!("{}", serde_json::to_string(&report.as_json())?);
     } else {
@@ -46,13 +50,14 @@ pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<Outcome> {
     })
 }
 
-fn read(path: &Path) -> Result<Evidence, BadConfiguration> {
+fn read(path: &Path, more: &[PathBuf]) -> Result<Evidence, BadConfiguration> {
     let refused = |source| BadConfiguration::Session {
         path: path.to_owned(),
         source,
     };
-    let file = File::open(path).map_err(|error| refused(error.into()))?;
-    Evidence::read(BufReader::with_capacity(1 << 18, file)).map_err(refused)
+    let open = |path: &PathBuf| Ok(BufReader::with_capacity(1 << 18, File::open(path)?));
+    let parts: Result<Vec<_>, std::io::Error> = session::parts(path, more).iter().map(open).collect();
+    Evidence::read_parts(parts.map_err(|error| refused(error.into()))?).map_err(refused)
 }
 
 fn progress_bar(total: u64) -> ProgressBar {

@@ -321,3 +321,104 @@ fn another_reader_agrees_about_a_repaired_file() {
         .expect("states");
     assert_eq!(counted as u64, received.received);
 }
+
+/// A demo whose session is cut into parts of two seconds.
+fn parts() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = folder.path().join("tandem.toml");
+    std::fs::write(&config, "[recorder]\nsplit_s = 2\n").expect("a file");
+    let path = folder.path().join("demo.mcap");
+    let flags = [
+        "demo",
+        "--pace",
+        "max",
+        "--seed",
+        "5",
+        "--record",
+        text(&path),
+        "--config",
+        text(&config),
+    ];
+    let demo = tandem(&flags);
+    assert!(demo.status.success(), "{}", String::from_utf8_lossy(&demo.stderr));
+    (folder, path)
+}
+
+#[test]
+fn the_parts_of_a_session_are_played_verified_and_described_together() {
+    let (folder, path) = parts();
+    let count = std::fs::read_dir(folder.path()).expect("the folder").filter(|entry| {
+        let name = entry.as_ref().expect("an entry").file_name();
+        name.to_string_lossy().ends_with(".mcap")
+    });
+    let count = count.count();
+    assert!(count >= 4, "{count} parts");
+    let info = json(&tandem(&["session", "info", text(&path), "--json"]));
+    assert_eq!(info["damage"], serde_json::json!([]));
+    assert_eq!(info["trials"][0]["outcome"], "goal reached");
+    assert_eq!(info["gaps"], serde_json::json!([]));
+    let verified = json(&tandem(&["replay", "--verify", text(&path), "--json"]));
+    assert_eq!(verified["verdict"], "identical");
+    let rrd = folder.path().join("again.rrd");
+    let played = json(&tandem(&["replay", text(&path), "--rrd", text(&rrd), "--json"]));
+    let streams = info["streams"].as_array().expect("streams").iter();
+    let received: u64 = streams.filter_map(|stream| stream["received"].as_u64()).sum();
+    assert_eq!(
+        played["messages_played"], received,
+        "every message once, whatever is repeated for those who read one part"
+    );
+    // Named one by one, and one alone.
+    let second = folder.path().join("demo_0002.mcap");
+    let two = json(&tandem(&["session", "info", text(&path), text(&second), "--json"]));
+    assert!(two["duration_s"].as_f64() < info["duration_s"].as_f64());
+    let alone = json(&tandem(&["session", "info", text(&second), "--json"]));
+    // In lockstep a journal's batch is many ticks, and the last ones of a part stand in the next part's.
+    let damage = alone["damage"].as_array().expect("damage");
+    let is_tail = |damage: &Value| damage.as_str().is_some_and(|text| text.contains("stand in no journal"));
+    assert!(damage.iter().all(is_tail), "it can be read alone: {damage:?}");
+    assert_eq!(alone["trials"][0]["label"], "demo", "and knows its trial");
+    assert_eq!(alone["model_sha256"], info["model_sha256"]);
+}
+
+#[test]
+fn a_noted_verdict_is_shown_until_the_file_changes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("noted.mcap");
+    std::fs::copy(session(), &path).expect("a copy");
+    let verdict = || json(&tandem(&["session", "info", text(&path), "--json"]))["verdict"].clone();
+    assert_eq!(verdict(), Value::Null);
+    assert_eq!(
+        tandem(&["replay", "--verify", "--note", text(&path)]).status.code(),
+        Some(0)
+    );
+    assert_eq!(verdict(), "identical");
+    let mut bytes = std::fs::read(&path).expect("the file is there");
+    bytes.push(0);
+    std::fs::write(&path, bytes).expect("a file");
+    assert_eq!(verdict(), "outdated");
+}
+
+#[test]
+fn there_is_one_row_for_every_tick() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let export = tandem(&["session", "export", text(&session()), "--csv", text(folder.path())]);
+    assert!(export.status.success(), "{}", String::from_utf8_lossy(&export.stderr));
+    let table = std::fs::read_to_string(folder.path().join("ticks.csv")).expect("a table");
+    let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let names = lines.next().expect("names");
+    let column = |name: &str| names.iter().position(|other| *other == name).expect("the column");
+    let columns = [
+        "tick",
+        "state_captured_s",
+        "setpoint_captured_s",
+        "command_human_velocity_x_m_s",
+    ]
+    .map(column);
+    let rows: Vec<_> = lines.collect();
+    for (tick, row) in rows.iter().enumerate() {
+        assert_eq!(row[columns[0]], tick.to_string());
+    }
+    assert_eq!(rows[40][columns[1]], "4");
+    assert_eq!(rows[40][columns[2]], "4");
+    assert!(rows[41][columns[3]].parse::<f64>().is_ok());
+}

@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 use std::fmt::Debug;
 
 use tandem_wire::{
-    Claim, Command, Emergency, Envelope, Forecast, Message, NodeInfo, Proposal, Scene, Setpoint, State, Topic, Trial,
-    decode,
+    Claim, Command, Emergency, Envelope, Forecast, Message, NodeInfo, Proposal, Scene, Setpoint, State, Storage, Topic,
+    Trial, decode,
 };
 
 /// Two numbers count as equal when they differ by no more than this, or by this share of the larger one.
@@ -65,6 +65,7 @@ fn print(topic: Topic, bytes: &[u8]) -> Option<String> {
         Topic::Lease => of::<Claim>(bytes),
         Topic::Emergency => of::<Emergency>(bytes),
         Topic::Info(_) => of::<NodeInfo>(bytes),
+        Topic::Storage => of::<Storage>(bytes),
         Topic::Journal(_) | Topic::Alive(_) | Topic::Device => None,
     }
 }

@@ -81,6 +81,8 @@ pub enum Topic {
     Lease,
     /// Stop at once, whoever drives: [`Emergency`](crate::Emergency).
     Emergency,
+    /// How well the session file is kept: [`Storage`](crate::Storage).
+    Storage,
 }
 
 /// How a topic wants to be carried.
@@ -114,6 +116,7 @@ impl Topic {
             Self::Info(node) => format!("node/{node}"),
             Self::Alive(node) => format!("alive/{node}"),
             Self::Device => "device".into(),
+            Self::Storage => "storage".into(),
         }
     }
 
@@ -130,7 +133,7 @@ impl Topic {
             Self::Command | Self::Proposal | Self::Setpoint | Self::State | Self::Device => Delivery::Stream,
             Self::Lease | Self::Emergency => Delivery::Urgent,
             Self::Forecast | Self::Scene | Self::Trial | Self::Info(_) | Self::Alive(_) => Delivery::Event,
-            Self::Journal(_) => Delivery::Bulk,
+            Self::Journal(_) | Self::Storage => Delivery::Bulk,
         }
     }
 
@@ -148,8 +151,9 @@ impl Topic {
             Self::Journal(_) => 8,
             Self::Info(_) => 9,
             Self::Device => 10,
-            Self::Lease => 11,
-            Self::Emergency => 12,
+            Self::Storage => 11,
+            Self::Lease => 12,
+            Self::Emergency => 13,
             Self::Alive(_) => 0,
         }
     }
@@ -227,6 +231,7 @@ pub fn parse(key: &str) -> Option<(RobotName, Topic)> {
         ("trial", None) => Topic::Trial,
         ("lease", None) => Topic::Lease,
         ("estop", None) => Topic::Emergency,
+        ("storage", None) => Topic::Storage,
         ("journal", Some(node)) => Topic::Journal(node_named(node)?),
         ("node", Some(node)) => Topic::Info(node_named(node)?),
         ("alive", Some(node)) => Topic::Alive(node_named(node)?),
@@ -247,7 +252,8 @@ mod tests {
     fn every_topic_is_read_back_from_its_key() {
         let robot: RobotName = "panda-1".parse().unwrap();
         let mut topics = vec![Topic::Command, Topic::Proposal, Topic::Forecast, Topic::Setpoint];
-        topics.extend([Topic::State, Topic::Scene, Topic::Trial, Topic::Lease, Topic::Emergency]);
+        topics.extend([Topic::State, Topic::Scene, Topic::Trial, Topic::Lease]);
+        topics.extend([Topic::Emergency, Topic::Storage]);
         for node in NodeName::ALL {
             topics.extend([Topic::Journal(node), Topic::Info(node), Topic::Alive(node)]);
         }

@@ -25,6 +25,7 @@ pub mod messages;
 mod node;
 mod reason;
 mod stamp;
+mod storage;
 mod timing;
 
 pub use codec::{Envelope, Header, Malformed, Message, decode, encode};
@@ -44,4 +45,5 @@ pub use messages::{
 pub use node::{Input, Node, Outbox, Ports, Unreadable};
 pub use reason::{Motion, Reason};
 pub use stamp::{MILLISECOND, MessageId, Nanos, SECOND, Seq, Session, Stamp, seconds};
+pub use storage::{Condition, Storage};
 pub use timing::{Pace, Timing};

@@ -75,6 +75,7 @@ fn the_layout_is_what_it_was() {
         ("estop", check(samples::emergency())),
         ("journal", check(samples::journal())),
         ("info", check(samples::info())),
+        ("storage", check(samples::storage())),
     ];
     let text: String = golden.iter().map(|(name, hex)| format!("{name}\n{hex}\n\n")).collect();
     if text != include_str!("golden.txt") {
@@ -135,6 +136,7 @@ proptest! {
             let _ = decode::<Emergency>(&framed);
             let _ = decode::<JournalBatch>(&framed);
             let _ = decode::<NodeInfo>(&framed);
+            let _ = decode::<Storage>(&framed);
         }
     }
 

@@ -70,6 +70,15 @@ pub enum Damage {
         /// How many.
         messages: u64,
     },
+    /// A file that belongs to another session than the first one; it is left out.
+    OtherSession,
+    /// Something in one of several files.
+    InPart {
+        /// Which of them, from 1.
+        part: usize,
+        /// What.
+        what: Box<Damage>,
+    },
     /// Parts of journals that cannot be decoded.
     Journal {
         /// How many.
@@ -102,6 +111,8 @@ impl fmt::Display for Damage {
                     "{messages} messages were heard but stand in no journal, so they cannot be played"
                 )
             }
+            Self::OtherSession => f.write_str("this is part of another session; it is left out"),
+            Self::InPart { part, what } => write!(f, "part {part}: {what}"),
             Self::Journal { parts } => write!(f, "{parts} parts of journals cannot be decoded"),
         }
     }

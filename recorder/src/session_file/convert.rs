@@ -1,10 +1,13 @@
 //! Our messages in our own protobuf: every field, under the name and in the unit that the schema promises.
 
+use std::collections::BTreeMap;
+
 use tandem_wire as wire;
 
 use super::schemas::{
-    Body, Clearance, Command, Counts, Cylinder, Forecast, ForecastPoint, Guidance, Header, JournalCount, Law,
-    MessageId, Motion, Obeyed, Proposal, Refusals, Scene, Setpoint, State, StreamCount, Trial, Used,
+    Body, ChannelDrops, Clearance, ClockOffset, Command, Counts, Cylinder, Forecast, ForecastPoint, Gap, Guidance,
+    Header, JournalCount, Law, MessageId, Motion, Obeyed, Proposal, Refusals, Scene, Setpoint, State, StreamCount,
+    Trial, Used,
 };
 use super::standard::{frame_name, pose, vector};
 use crate::sinks::Drops;
@@ -259,8 +262,52 @@ impl Counts {
         Self {
             streams: counts.streams.iter().map(stream).collect(),
             journals: counts.journals.iter().map(journal).collect(),
-            dropped_before_session_file: drops.session_file,
-            dropped_before_views: drops.views,
+            dropped_before_session_file: drops.session_file.total(),
+            dropped_before_views: drops.views.total(),
+            drops: channel_drops(drops),
+            gaps: counts.gaps.iter().map(Into::into).collect(),
+            gaps_forgotten: counts.gaps_forgotten,
+            clocks: counts.clocks.iter().map(Into::into).collect(),
+        }
+    }
+}
+
+fn channel_drops(drops: Drops) -> Vec<ChannelDrops> {
+    let mut channels = BTreeMap::<String, (u64, u64)>::new();
+    for (channel, number) in drops.session_file.by_channel() {
+        channels.entry(channel).or_default().0 = number;
+    }
+    for (channel, number) in drops.views.by_channel() {
+        channels.entry(channel).or_default().1 = number;
+    }
+    let row = |(channel, (session_file, views))| ChannelDrops {
+        channel,
+        session_file,
+        views,
+    };
+    channels.into_iter().map(row).collect()
+}
+
+impl From<&tally::Gap> for Gap {
+    fn from(gap: &tally::Gap) -> Self {
+        Self {
+            topic: gap.topic.to_string(),
+            session: gap.session.0,
+            first: gap.first,
+            last: gap.last,
+        }
+    }
+}
+
+impl From<&tally::ClockOffset> for ClockOffset {
+    fn from(clock: &tally::ClockOffset) -> Self {
+        Self {
+            node: clock.node.to_string(),
+            session: clock.session.0,
+            least_one_way_ns: clock.least,
+            mean_one_way_ns: clock.mean,
+            most_one_way_ns: clock.most,
+            messages: clock.messages,
         }
     }
 }

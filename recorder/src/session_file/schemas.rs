@@ -211,9 +211,38 @@ pub(super) struct JournalCount {
 }
 
 #[derive(Encode)]
+pub(super) struct ChannelDrops {
+    pub(super) channel: String,
+    pub(super) session_file: u64,
+    pub(super) views: u64,
+}
+
+#[derive(Encode)]
+pub(super) struct Gap {
+    pub(super) topic: String,
+    pub(super) session: u64,
+    pub(super) first: u64,
+    pub(super) last: u64,
+}
+
+#[derive(Encode)]
+pub(super) struct ClockOffset {
+    pub(super) node: String,
+    pub(super) session: u64,
+    pub(super) least_one_way_ns: i64,
+    pub(super) mean_one_way_ns: i64,
+    pub(super) most_one_way_ns: i64,
+    pub(super) messages: u64,
+}
+
+#[derive(Encode)]
 pub(super) struct Counts {
     pub(super) streams: Vec<StreamCount>,
     pub(super) journals: Vec<JournalCount>,
     pub(super) dropped_before_session_file: u64,
     pub(super) dropped_before_views: u64,
+    pub(super) drops: Vec<ChannelDrops>,
+    pub(super) gaps: Vec<Gap>,
+    pub(super) gaps_forgotten: u64,
+    pub(super) clocks: Vec<ClockOffset>,
 }

@@ -2,13 +2,16 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicU64, AtomicUsize, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crossbeam_channel::{Receiver, Sender, TryRecvError, bounded, select, tick};
+use crossbeam_channel::{Receiver, Sender, TryRecvError, TrySendError, bounded, select, tick};
 
-use super::{Drops, Ended, Notice, OpenError};
+use tandem_wire::Condition;
+
+use super::drops::{Counter, Drops, Lost};
+use super::{Ended, Notice, OpenError};
 use crate::heard::{Entry, Heard};
 
 /// Something that takes what was heard. It may fail, and it may block: it has a thread of its own.
@@ -18,14 +21,19 @@ pub(super) trait Sink: Send + 'static {
         Ok(())
     }
 
-    /// Takes one thing; `drops` so far go with the counts.
-    fn take(&mut self, heard: &Arc<Heard>, drops: Drops) -> Result<(), Notice>;
+    /// Takes one thing, and says whether it is kept. One that is not counts as dropped; an error ends the sink.
+    fn take(&mut self, heard: &Arc<Heard>) -> Result<bool, Notice>;
 
     /// Puts everything taken so far beyond the reach of a crash. Also called when there is nothing new.
     fn flush(&mut self) -> Result<(), Notice>;
 
     /// Ends the sink in good order, after failures too.
-    fn close(self) -> Result<(), Notice>;
+    fn close(&mut self) -> Result<(), Notice>;
+
+    /// How many things, taken and said to be kept, turned out to be lost.
+    fn lost_later(&self) -> u64 {
+        0
+    }
 }
 
 /// Which of the two drop counters a sink counts into.
@@ -46,33 +54,66 @@ pub(super) struct Limits {
 /// What all sinks share.
 #[derive(Debug)]
 pub(super) struct Shared {
-    session_file: AtomicU64,
-    views: AtomicU64,
+    session_file: Counter,
+    views: Counter,
+    /// What the session file says of itself; see [`Condition`].
+    condition: AtomicU8,
     tell: Sender<Notice>,
 }
+
+const CONDITIONS: [Condition; 3] = [Condition::Kept, Condition::NoSpace, Condition::Failing];
 
 impl Shared {
     pub(super) fn new(tell: Sender<Notice>) -> Self {
         Self {
-            session_file: AtomicU64::new(0),
-            views: AtomicU64::new(0),
+            session_file: Counter::default(),
+            views: Counter::default(),
+            condition: AtomicU8::new(0),
             tell,
         }
     }
 
     pub(super) fn drops(&self) -> Drops {
         Drops {
-            session_file: self.session_file.load(Ordering::Relaxed),
-            views: self.views.load(Ordering::Relaxed),
+            session_file: self.session_file.lost(),
+            views: self.views.lost(),
         }
     }
 
-    pub(super) fn count_drops(&self, kind: Kind, number: u64) {
-        let counter = match kind {
-            Kind::SessionFile => &self.session_file,
-            Kind::View => &self.views,
-        };
-        counter.fetch_add(number, Ordering::Relaxed);
+    /// The drops so far, for what goes with them; counting them up for every message would cost more than the message.
+    pub(super) fn drops_for(&self, heard: &Heard) -> Drops {
+        match &heard.entry {
+            Entry::Counts(_) => self.drops(),
+            Entry::Sample(_) | Entry::Note(_) => Drops::default(),
+        }
+    }
+
+    fn drop_one(&self, kind: Kind, heard: &Heard) {
+        match kind {
+            Kind::SessionFile => self.session_file.count(heard),
+            Kind::View => self.views.count(heard),
+        }
+    }
+
+    /// Counts what a viewer missed.
+    pub(super) fn miss(&self, number: u64) {
+        self.views.count_untold(number);
+    }
+
+    /// Counts what seemed to be in the session file and is not.
+    pub(super) fn lose(&self, lost: &Lost) {
+        self.session_file.count_all(lost);
+    }
+
+    pub(super) fn set_condition(&self, condition: Condition) {
+        let known = CONDITIONS.iter().position(|known| *known == condition);
+        let place = known.and_then(|place| u8::try_from(place).ok()).unwrap_or(0);
+        self.condition.store(place, Ordering::Relaxed);
+    }
+
+    pub(super) fn condition(&self) -> Condition {
+        let place = usize::from(self.condition.load(Ordering::Relaxed));
+        CONDITIONS.get(place).copied().unwrap_or_default()
     }
 
     pub(super) fn say(&self, notice: Notice) {
@@ -91,9 +132,9 @@ struct Line {
 }
 
 impl Line {
-    fn drop_one(&self) {
+    fn drop_one(&self, heard: &Heard) {
         self.dropped.fetch_add(1, Ordering::Relaxed);
-        self.shared.count_drops(self.kind, 1);
+        self.shared.drop_one(self.kind, heard);
     }
 }
 
@@ -163,11 +204,14 @@ impl Feed {
         let weight = weight_bytes(&heard);
         let waiting = self.line.waiting_bytes.fetch_add(weight, Ordering::Relaxed);
         let has_room = waiting == 0 || waiting.saturating_add(weight) <= self.limits.bytes;
-        if has_room && self.queue.try_send(heard).is_ok() {
-            return;
-        }
+        let refused = if has_room {
+            self.queue.try_send(heard).err().map(TrySendError::into_inner)
+        } else {
+            Some(heard)
+        };
+        let Some(heard) = refused else { return };
         self.line.waiting_bytes.fetch_sub(weight, Ordering::Relaxed);
-        self.line.drop_one();
+        self.line.drop_one(&heard);
         if !self.is_behind {
             self.is_behind = true;
             self.line.shared.say(Notice::Behind {
@@ -195,22 +239,23 @@ impl Feed {
 }
 
 impl Ending {
-    /// Waits until the sink has ended or `until` comes.
-    pub(super) fn wait(self, until: &Receiver<Instant>) -> Ended {
-        let in_time = match self.ended.try_recv() {
-            Ok(()) => true,
-            Err(TryRecvError::Disconnected) => false,
+    /// Waits until the sink has ended or `until` comes, and says whether that came.
+    pub(super) fn wait(self, until: &Receiver<Instant>) -> (Ended, bool) {
+        let (in_time, is_time_up) = match self.ended.try_recv() {
+            Ok(()) => (true, false),
+            Err(TryRecvError::Disconnected) => (false, false),
             Err(TryRecvError::Empty) => select! {
-                recv(self.ended) -> end => end.is_ok(),
-                recv(until) -> _ => false,
+                recv(self.ended) -> end => (end.is_ok(), false),
+                recv(until) -> _ => (false, true),
             },
         };
-        Ended {
+        let ended = Ended {
             sink: self.name.to_owned(),
             path: self.path,
             messages: in_time.then(|| self.line.taken.load(Ordering::Relaxed)),
             dropped: self.line.dropped.load(Ordering::Relaxed),
-        }
+        };
+        (ended, is_time_up)
     }
 }
 
@@ -244,27 +289,31 @@ impl Worker {
         if !self.is_broken {
             self.note(closed);
         }
+        let lost = sink.lost_later();
+        self.line.taken.fetch_sub(lost, Ordering::Relaxed);
+        self.line.dropped.fetch_add(lost, Ordering::Relaxed);
     }
 
     fn take<S: Sink>(&mut self, sink: &mut S, heard: &Arc<Heard>) {
         self.line
             .waiting_bytes
             .fetch_sub(weight_bytes(heard), Ordering::Relaxed);
-        if !self.is_broken {
-            let taken = sink.take(heard, self.line.shared.drops());
-            self.note(taken);
-        }
-        if self.is_broken {
-            self.line.drop_one();
-        } else {
+        let taken = if self.is_broken { Ok(false) } else { sink.take(heard) };
+        if self.note(taken).unwrap_or(false) {
             self.line.taken.fetch_add(1, Ordering::Relaxed);
+        } else {
+            self.line.drop_one(heard);
         }
     }
 
-    fn note(&mut self, result: Result<(), Notice>) {
-        if let Err(notice) = result {
-            self.is_broken = true;
-            self.line.shared.say(notice);
+    fn note<T>(&mut self, result: Result<T, Notice>) -> Option<T> {
+        match result {
+            Ok(value) => Some(value),
+            Err(notice) => {
+                self.is_broken = true;
+                self.line.shared.say(notice);
+                None
+            }
         }
     }
 }
@@ -291,14 +340,14 @@ mod tests {
     }
 
     impl Sink for Stalled {
-        fn take(&mut self, _: &Arc<Heard>, _: Drops) -> Result<(), Notice> {
+        fn take(&mut self, _: &Arc<Heard>) -> Result<bool, Notice> {
             self.go.recv().ok();
             let sink = "the fake".to_owned();
             let why = "it was told to".to_owned();
             if self.fails {
                 Err(Notice::Failed { sink, why })
             } else {
-                Ok(())
+                Ok(true)
             }
         }
 
@@ -306,7 +355,7 @@ mod tests {
             Ok(())
         }
 
-        fn close(self) -> Result<(), Notice> {
+        fn close(&mut self) -> Result<(), Notice> {
             Ok(())
         }
     }
@@ -345,7 +394,7 @@ mod tests {
         for _ in 0..100 {
             feed.offer(heard());
         }
-        let drops = shared.drops().views;
+        let drops = shared.drops().views.total();
         assert_eq!(feed.room(), 0);
         assert!(
             (95..=96).contains(&drops),
@@ -360,7 +409,7 @@ mod tests {
             "once"
         );
         drop(allow);
-        let ended = feed.end().wait(&never());
+        let (ended, _) = feed.end().wait(&never());
         assert_eq!(ended.messages, Some(100 - drops));
         assert_eq!(ended.dropped, drops);
     }
@@ -370,7 +419,8 @@ mod tests {
         let (mut feed, _allow, _, _told) = start(false);
         feed.offer(heard());
         let now = crossbeam_channel::after(Duration::ZERO);
-        assert_eq!(feed.end().wait(&now).messages, None);
+        let (ended, is_time_up) = feed.end().wait(&now);
+        assert_eq!((ended.messages, is_time_up), (None, true));
     }
 
     #[test]
@@ -380,8 +430,11 @@ mod tests {
             allow.send(()).unwrap();
             feed.offer(heard());
         }
-        let ended = feed.end().wait(&never());
-        assert_eq!((ended.messages, ended.dropped, shared.drops().views), (Some(0), 3, 3));
+        let (ended, _) = feed.end().wait(&never());
+        assert_eq!(
+            (ended.messages, ended.dropped, shared.drops().views.total()),
+            (Some(0), 3, 3)
+        );
         assert_eq!(told.try_iter().count(), 1);
     }
 
@@ -391,6 +444,9 @@ mod tests {
         feed.limits.bytes = 1;
         feed.line.waiting_bytes.store(1, Ordering::Relaxed);
         feed.offer(heard());
-        assert_eq!(shared.drops().views, 1);
+        assert_eq!(
+            shared.drops().views.by_channel().collect::<Vec<_>>(),
+            [("log".to_owned(), 1)]
+        );
     }
 }

@@ -10,8 +10,8 @@ use rerun::sink::{FileSink, FileSinkOptions, GrpcSink, GrpcSinkConnectionState, 
 use rerun::{RecordingStream, RecordingStreamBuilder, TimePoint};
 use tandem_wire::Timing;
 
-use super::feed::Sink;
-use super::{Drops, Notice, OpenError};
+use super::feed::{Shared, Sink};
+use super::{Notice, OpenError};
 use crate::heard::Heard;
 use crate::session_file::Provenance;
 use crate::view::{Drawing, Trials, View, layout};
@@ -31,6 +31,7 @@ pub(super) struct StreamSink {
     outlet: Outlet,
     batch: Duration,
     provenance: Provenance,
+    shared: Arc<Shared>,
     trials: Trials,
     view: View,
     drawings: Vec<Drawing>,
@@ -79,6 +80,7 @@ impl StreamSink {
         has_index: bool,
         timing: Timing,
         provenance: &Provenance,
+        shared: Arc<Shared>,
     ) -> Result<Self, OpenError> {
         // The SDK's own error does not tell a missing folder from a missing permission.
         File::create(path).map_err(|source| OpenError::Recording {
@@ -91,23 +93,35 @@ impl StreamSink {
         let file = FileSink::with_options(path, options).map_err(|source| OpenError::View {
             source: Box::new(source.into()),
         })?;
-        Ok(Self::new(Arc::new(file), FILE_BATCH, timing, provenance))
+        Ok(Self::new(Arc::new(file), FILE_BATCH, timing, provenance, shared))
     }
 
     /// A viewer's address.
-    pub(super) fn connect(url: &str, timing: Timing, provenance: &Provenance) -> Result<Connected, Notice> {
+    pub(super) fn connect(
+        url: &str,
+        timing: Timing,
+        provenance: &Provenance,
+        shared: Arc<Shared>,
+    ) -> Result<Connected, Notice> {
         let uri = url.parse().map_err(|error| failed(&error))?;
         let grpc = Arc::new(GrpcSink::new(uri));
         let connection = Connection(Arc::clone(&grpc));
-        let sink = Self::new(grpc, LIVE_BATCH, timing, provenance);
+        let sink = Self::new(grpc, LIVE_BATCH, timing, provenance, shared);
         Ok(Connected { sink, connection })
     }
 
-    fn new(outlet: Arc<dyn LogSink>, batch: Duration, timing: Timing, provenance: &Provenance) -> Self {
+    fn new(
+        outlet: Arc<dyn LogSink>,
+        batch: Duration,
+        timing: Timing,
+        provenance: &Provenance,
+        shared: Arc<Shared>,
+    ) -> Self {
         Self {
             outlet: Outlet(outlet),
             batch,
             provenance: provenance.clone(),
+            shared,
             trials: Trials::default(),
             view: View::new(timing),
             drawings: Vec::with_capacity(64),
@@ -176,15 +190,15 @@ impl StreamSink {
 }
 
 impl Sink for StreamSink {
-    fn take(&mut self, heard: &Arc<Heard>, drops: Drops) -> Result<(), Notice> {
+    fn take(&mut self, heard: &Arc<Heard>) -> Result<bool, Notice> {
         let begins = self.trials.hear(heard);
         if begins.is_some() || self.stream.is_none() {
             self.begin_recording(begins, heard)?;
             self.view.begin_recording(heard, &mut self.drawings);
         }
-        self.view.draw(heard, drops, &mut self.drawings);
+        self.view.draw(heard, self.shared.drops_for(heard), &mut self.drawings);
         self.record_all();
-        Ok(())
+        Ok(true)
     }
 
     fn flush(&mut self) -> Result<(), Notice> {
@@ -194,8 +208,8 @@ impl Sink for StreamSink {
         }
     }
 
-    fn close(self) -> Result<(), Notice> {
-        match self.stream {
+    fn close(&mut self) -> Result<(), Notice> {
+        match &self.stream {
             Some(stream) => stream.flush_blocking().map_err(|error| failed(&error)),
             None => Ok(()),
         }

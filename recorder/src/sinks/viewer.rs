@@ -13,11 +13,11 @@ use std::time::Duration;
 use crossbeam_channel::{Receiver, Sender, after, bounded};
 use tandem_wire::Timing;
 
-use super::feed::{Kind, Shared, Sink};
+use super::Notice;
+use super::feed::{Shared, Sink};
 use super::history::History;
 use super::program;
 use super::rerun_stream::{Connected, StreamSink};
-use super::{Drops, Notice};
 use crate::config::ViewTarget;
 use crate::heard::Heard;
 use crate::session_file::Provenance;
@@ -119,9 +119,9 @@ impl Sink for ViewerSink {
         self.try_anew()
     }
 
-    fn take(&mut self, heard: &Arc<Heard>, _: Drops) -> Result<(), Notice> {
+    fn take(&mut self, heard: &Arc<Heard>) -> Result<bool, Notice> {
         self.history.push(Arc::clone(heard));
-        Ok(())
+        Ok(true)
     }
 
     fn flush(&mut self) -> Result<(), Notice> {
@@ -140,9 +140,9 @@ impl Sink for ViewerSink {
         Ok(())
     }
 
-    fn close(self) -> Result<(), Notice> {
+    fn close(&mut self) -> Result<(), Notice> {
         self.history.end();
-        if let Some(attempt) = self.attempt {
+        if let Some(attempt) = self.attempt.take() {
             let is_shown = attempt.phase.load(Ordering::Relaxed) == SHOWING;
             if is_shown {
                 // Whoever closes us has set a limit, and leaves this thread behind when it is reached.
@@ -203,7 +203,12 @@ impl Worker {
             }
             after(LOOK_EVERY).recv().ok();
         }
-        if let Ok(connected) = StreamSink::connect(&self.url, self.show.timing, &self.show.provenance) {
+        if let Ok(connected) = StreamSink::connect(
+            &self.url,
+            self.show.timing,
+            &self.show.provenance,
+            Arc::clone(&self.shared),
+        ) {
             self.phase.store(SHOWING, Ordering::Relaxed);
             self.follow(connected).ok();
         }
@@ -220,10 +225,10 @@ impl Worker {
             let page = self.history.read(place, NEWS_WITHIN);
             // What was gone before it came is no loss; what fell out while it was there is.
             if place > 0 {
-                self.shared.count_drops(Kind::View, page.missed);
+                self.shared.miss(page.missed);
             }
             for heard in &page.entries {
-                sink.take(heard, Drops::default())?;
+                sink.take(heard)?;
             }
             place = page.next;
             if page.is_last {

@@ -172,8 +172,13 @@ pub(super) fn draw_counts(counts: &Counts, drops: Drops, sheet: &mut Sheet<'_>) 
     let sum = |count: fn(&crate::StreamCount) -> u64| counts.streams.iter().map(count).sum::<u64>() as f64;
     sheet.plot("plots/lost/missed", sum(|count| count.missed));
     sheet.plot("plots/lost/unreadable", sum(|count| count.unreadable));
-    sheet.plot("plots/lost/dropped_file", drops.session_file as f64);
-    sheet.plot("plots/lost/dropped_view", drops.views as f64);
+    sheet.plot("plots/lost/dropped_file", drops.session_file.total() as f64);
+    sheet.plot("plots/lost/dropped_view", drops.views.total() as f64);
+    // A line for every channel of which something is missing, and none for the others.
+    for (channel, number) in drops.session_file.by_channel() {
+        let channel = channel.replace('/', "-");
+        sheet.plot(&format!("plots/lost/dropped_file/{channel}"), number as f64);
+    }
 }
 
 /// From a command to the motion it caused, by the recorder's own clock: from hearing the command to hearing the first

@@ -160,7 +160,7 @@ impl Screen {
             for ended in unfinished.clone() {
                 eprintln!("replay: {} did not take everything in time\r", ended.sink);
             }
-            self.lost += closed.drops.views + unfinished.count() as u64;
+            self.lost += closed.drops.views.total() + unfinished.count() as u64;
         }
     }
 

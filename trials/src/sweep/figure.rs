@@ -1,6 +1,6 @@
 //! The sweep as a picture: for every human and departure, what each law costs and what it gives.
 //!
-//! Each small panel is one human (row) at one departure (column). To the left is less effort. The constants are joined
+//! Each small panel is one human (row) at one departure (column), with scales of its own. To the left is less effort. The constants are joined
 //! by a line in the order of their weights: it is the trade-off that sharing by a fixed weight offers, and a law that
 //! is worth its name lies to the left of and below it (above it, for clearance).
 
@@ -12,8 +12,8 @@ use crate::sweep::grid::Grid;
 use crate::sweep::summary::{Group, Region, Summary};
 
 const PANEL: [f64; 2] = [150.0, 112.0];
-const GAP: [f64; 2] = [14.0, 14.0];
-const MARGIN: [f64; 2] = [92.0, 74.0];
+const GAP: [f64; 2] = [34.0, 30.0];
+const MARGIN: [f64; 2] = [124.0, 74.0];
 /// Colours that differ in lightness too: Okabe and Ito (2008).
 const COLOURS: [&str; 7] = [
     "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f3fbf",
@@ -83,12 +83,6 @@ fn draw_block(out: &mut String, grid: &Grid, summary: &Summary, block: &Block, c
         .iter()
         .filter(|group| group.region == block.region)
         .collect();
-    let (Some(x), true) = (
-        Axis::over(of_block.iter().filter_map(|group| effort(group))),
-        !of_block.is_empty(),
-    ) else {
-        return;
-    };
     text(
         out,
         [corner[0] + MARGIN[0], corner[1] + 22.0],
@@ -97,11 +91,6 @@ fn draw_block(out: &mut String, grid: &Grid, summary: &Summary, block: &Block, c
         block.title,
     );
     for (row, human) in settings.humans.iter().enumerate() {
-        // One scale for a row, so that departures can be compared.
-        let of_row = of_block.iter().filter(|group| group.human == human.name());
-        let Some(y) = Axis::over(of_row.filter_map(|group| (block.read)(group))) else {
-            continue;
-        };
         for (column, &departure) in settings.departures_mm.iter().enumerate() {
             let left = corner[0] + MARGIN[0] + column as f64 * (PANEL[0] + GAP[0]);
             let top = corner[1] + MARGIN[1] + row as f64 * (PANEL[1] + GAP[1]);
@@ -111,19 +100,27 @@ fn draw_block(out: &mut String, grid: &Grid, summary: &Summary, block: &Block, c
             }
             if column == 0 {
                 text(out, [left - 34.0, top + PANEL[1] / 2.0], "11", "end", human.name());
-                ticks(out, &y, left, top);
             }
             let here = |group: &&&Group| group.human == human.name() && (group.departure_mm - departure).abs() < 1e-9;
-            let points = of_block
+            let points: Vec<_> = of_block
                 .iter()
                 .filter(here)
-                .map(|group| (group, effort(group), (block.read)(group)));
+                .filter_map(|group| Some((group, effort(group)?, (block.read)(group)?)))
+                .collect();
+            let (Some(x), Some(y)) = (
+                Axis::over(points.iter().map(|point| point.1)),
+                Axis::over(points.iter().map(|point| point.2)),
+            ) else {
+                continue;
+            };
+            ticks(out, [&x, &y], [left, top]);
             let points: Vec<Mark> = points
+                .into_iter()
                 .filter_map(|(group, effort, value)| {
                     let law = grid.laws.iter().position(|law| law.name == group.law)?;
                     Some(Mark {
                         law,
-                        at: [x.place(effort?, left, PANEL[0]), y.flipped(value?, top, PANEL[1])],
+                        at: [x.place(effort, left, PANEL[0]), y.flipped(value, top, PANEL[1])],
                     })
                 })
                 .collect();
@@ -131,18 +128,8 @@ fn draw_block(out: &mut String, grid: &Grid, summary: &Summary, block: &Block, c
         }
     }
     let bottom = corner[1] + MARGIN[1] + settings.humans.len() as f64 * (PANEL[1] + GAP[1]);
-    for column in 0..settings.departures_mm.len() {
-        let left = corner[0] + MARGIN[0] + column as f64 * (PANEL[0] + GAP[0]);
-        text(out, [left, bottom], "10", "start", &format!("{:.0}", x.low));
-        text(out, [left + PANEL[0], bottom], "10", "end", &format!("{:.0}", x.high));
-        text(
-            out,
-            [left + PANEL[0] / 2.0, bottom + 14.0],
-            "10",
-            "middle",
-            "effort, mm/s",
-        );
-    }
+    let middle = corner[0] + MARGIN[0] + PANEL[0] / 2.0;
+    text(out, [middle, bottom], "11", "middle", "effort, mm/s");
 }
 
 struct Mark {
@@ -200,9 +187,13 @@ fn key(out: &mut String, grid: &Grid, corner: [f64; 2]) {
     }
 }
 
-fn ticks(out: &mut String, y: &Axis, left: f64, top: f64) {
-    text(out, [left - 5.0, top + 9.0], "10", "end", &format!("{:.0}", y.high));
-    text(out, [left - 5.0, top + PANEL[1]], "10", "end", &format!("{:.0}", y.low));
+/// The ends of both scales.
+fn ticks(out: &mut String, [x, y]: [&Axis; 2], [left, top]: [f64; 2]) {
+    text(out, [left - 4.0, top + 9.0], "10", "end", &format!("{:.0}", y.high));
+    text(out, [left - 4.0, top + PANEL[1]], "10", "end", &format!("{:.0}", y.low));
+    let below = top + PANEL[1] + 12.0;
+    text(out, [left, below], "10", "start", &format!("{:.0}", x.low));
+    text(out, [left + PANEL[0], below], "10", "end", &format!("{:.0}", x.high));
 }
 
 fn text(out: &mut String, at: [f64; 2], size: &str, anchor: &str, words: &str) {

@@ -224,3 +224,11 @@ pub(crate) fn journal() -> JournalBatch {
         ],
     }
 }
+
+#[allow(dead_code, reason = "the benchmark leaves it out")]
+pub(crate) const fn storage() -> Storage {
+    Storage {
+        condition: Condition::NoSpace,
+        dropped: 12,
+    }
+}

@@ -1,0 +1,205 @@
+//! What the recorder's process takes over real Zenoh: messages of 300 bytes at a rate for a time, and what it cost.
+//!
+//! `recorder_load TANDEM [SECONDS=60] [RATE=20000] [stalled]`, where TANDEM is the program to be measured. This process
+//! sends journal parts in the bulk class over TCP on loopback; processor time and memory of the recorder's process are
+//! read from `/proc`, what arrived from its file. With `stalled` its disk is a pipe that nobody reads and its viewer
+//! accepts connections and never answers: then memory and exit code are what matters. Linux only.
+
+use std::fs::File;
+use std::net::TcpListener;
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use tandem_link::{Clock, Link, LinkSettings, Observer, Sighting};
+use tandem_wire::{
+    Delivery, Envelope, Happening, Header, JournalBatch, JournalEntry, NodeName, Pace, Seq, Session, Stamp, Topic,
+    encode,
+};
+
+type Failure = Box<dyn std::error::Error>;
+
+/// The length of a message, header included.
+const BYTES: usize = 300;
+/// What a batch of one entry adds to its entry's bytes.
+const AROUND: usize = 32 + 24 + 20 + 4 + 8;
+const TOPIC: Topic = Topic::Journal(NodeName::Arbiter);
+/// The flag that opens a pipe for reading although nobody writes yet.
+const NONBLOCKING: i32 = 0o4000;
+
+fn main() -> Result<(), Failure> {
+    let mut arguments = std::env::args().skip(1);
+    let program = arguments
+        .next()
+        .ok_or("usage: recorder_load TANDEM [SECONDS] [RATE] [stalled]")?;
+    let seconds: u64 = arguments.next().map_or(Ok(60), |text| text.parse())?;
+    let rate: u64 = arguments.next().map_or(Ok(20_000), |text| text.parse())?;
+    let is_stalled = arguments.next().is_some_and(|word| word == "stalled");
+    let folder = std::env::temp_dir().join(format!("recorder-load-{}", std::process::id()));
+    std::fs::create_dir_all(&folder)?;
+    let measured = measure(&program, seconds, rate, is_stalled, &folder);
+    std::fs::remove_dir_all(&folder)?;
+    measured
+}
+
+fn measure(program: &str, seconds: u64, rate: u64, is_stalled: bool, folder: &Path) -> Result<(), Failure> {
+    let session = folder.join("load.mcap");
+    let viewer = TcpListener::bind("127.0.0.1:0")?;
+    let _pipe = is_stalled.then(|| stall(&session)).transpose()?;
+    let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
+    let endpoint = format!("tcp/127.0.0.1:{port}");
+    let path = session.to_string_lossy();
+    let mut command = Command::new(program);
+    command.args(["recorder", "--robot", "load", "--listen", &endpoint, "--record", &path]);
+    if is_stalled {
+        let url = format!("connect=rerun+http://{}/proxy", viewer.local_addr()?);
+        command.args(["--view", &url]);
+    }
+    let mut recorder = command.stdin(Stdio::null()).spawn()?;
+    let sent = drive(&mut recorder, &endpoint, seconds, rate);
+    Command::new("kill")
+        .args(["-s", "INT", &recorder.id().to_string()])
+        .status()?;
+    let code = recorder.wait()?.code();
+    println!("exit code      {code:?}");
+    if !is_stalled {
+        let kept = kept(&session)?;
+        let sent = sent?;
+        println!(
+            "in the file    {kept} of {sent} sent, {} missing",
+            sent.saturating_sub(kept)
+        );
+    } else {
+        sent?;
+    }
+    Ok(())
+}
+
+/// A disk that takes some kilobytes and then nothing more.
+fn stall(path: &Path) -> Result<File, Failure> {
+    let made = Command::new("mkfifo").arg(path).status()?;
+    if !made.success() {
+        return Err("mkfifo failed".into());
+    }
+    Ok(std::fs::OpenOptions::new()
+        .read(true)
+        .custom_flags(NONBLOCKING)
+        .open(path)?)
+}
+
+fn drive(recorder: &mut Child, endpoint: &str, seconds: u64, rate: u64) -> Result<u64, Failure> {
+    let link = Link::open(&LinkSettings {
+        robot: "load".into(),
+        connect: vec![endpoint.to_owned()],
+        ..LinkSettings::default()
+    })?;
+    wait_for(&link)?;
+    let before = cpu_seconds(recorder.id())?;
+    let began = Instant::now();
+    let count = rate * seconds;
+    let step = (rate / 1000).max(1);
+    for number in 0..count {
+        // A thousand times a second, as many as are due: no finer than a system's timer.
+        if number % step == 0 {
+            let due = Duration::from_nanos(number * 1_000_000_000 / rate);
+            std::thread::sleep(due.saturating_sub(began.elapsed()));
+        }
+        link.publish_as(&TOPIC.suffix(), Delivery::Bulk, Pace::Real, message(number))?;
+    }
+    let wall = began.elapsed().as_secs_f64();
+    // What is still on its way.
+    std::thread::sleep(Duration::from_secs(1));
+    let cpu = cpu_seconds(recorder.id())? - before;
+    println!(
+        "sent           {count} messages of {} bytes in {wall:.1} s",
+        message(0).len()
+    );
+    println!("processor      {:.1} % of one core", 100.0 * cpu / wall);
+    println!(
+        "memory         {} MB resident at most",
+        peak_kilobytes(recorder.id())? / 1024
+    );
+    link.close();
+    Ok(count)
+}
+
+fn wait_for(link: &Link) -> Result<(), Failure> {
+    let presence = Observer::of_presence(link)?;
+    while let Some(sighting) = presence.next(Duration::from_secs(20)) {
+        if let Sighting::Presence {
+            peer: NodeName::Recorder,
+            alive: true,
+        } = sighting
+        {
+            return Ok(());
+        }
+    }
+    Err("the recorder does not come up".into())
+}
+
+fn kept(session: &Path) -> Result<u64, Failure> {
+    let bytes = std::fs::read(session)?;
+    let summary = mcap::Summary::read(&bytes)?.ok_or("the file has no index")?;
+    let channel = summary
+        .channels
+        .values()
+        .find(|channel| channel.topic.ends_with("journal/arbiter"));
+    let id = channel.ok_or("no journal in the file")?.id;
+    let statistics = summary.stats.ok_or("the file has no statistics")?;
+    Ok(statistics.channel_message_counts.get(&id).copied().unwrap_or(0))
+}
+
+/// A journal's part of exactly so many bytes; half of them are like a number's, which do not compress.
+fn message(number: u64) -> Vec<u8> {
+    let mut noise = number.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+    let bytes = (0..BYTES - AROUND).map(|index| {
+        noise ^= noise << 13;
+        noise ^= noise >> 7;
+        noise ^= noise << 17;
+        if index % 2 == 0 { noise.to_le_bytes()[3] } else { 0 }
+    });
+    let what = Happening::Output {
+        topic: Topic::Setpoint,
+        bytes: bytes.collect(),
+    };
+    let now = Clock::of_process().now();
+    let entry = JournalEntry {
+        at: Stamp(number),
+        wall: now,
+        what,
+    };
+    let header = Header {
+        tick: 0,
+        session: Session(1),
+        seq: Seq(number + 1),
+        sent: now,
+    };
+    let body = JournalBatch {
+        first: number,
+        lost: 0,
+        entries: vec![entry],
+    };
+    let mut bytes = Vec::with_capacity(BYTES);
+    encode(&Envelope { header, body }, &mut bytes);
+    bytes
+}
+
+/// User and system time; Linux counts them in hundredths.
+fn cpu_seconds(process: u32) -> Result<f64, Failure> {
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat"))?;
+    let fields = stat.rsplit(')').next().unwrap_or_default().split_whitespace();
+    let ticks: f64 = fields
+        .skip(11)
+        .take(2)
+        .filter_map(|field| field.parse::<f64>().ok())
+        .sum();
+    Ok(ticks / 100.0)
+}
+
+fn peak_kilobytes(process: u32) -> Result<u64, Failure> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status"))?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let number = line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok());
+    Ok(number.ok_or("no VmHWM")?)
+}
