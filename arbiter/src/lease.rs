@@ -13,7 +13,7 @@
 
 use bincode::{Decode, Encode};
 use tandem_wire::{
-    Claim, Command, Deadman, Envelope, Guard, Label, Lease, Malformed, Memory, Nanos, Rearm, Refusal, Remember, Seq,
+    Claim, Command, Deadman, Envelope, Guard, Label, Lease, Malformed, Memory, Nanos, Rearm, Refusal, Remember,
     Session, Stamp, Wish,
 };
 
@@ -54,9 +54,9 @@ struct Seat {
     command: Option<Heard<Command>>,
     /// A command was dropped for its loop age since the last one that was admitted.
     too_old: bool,
-    /// Its newest claim.
-    claimed: Seq,
-    /// When its deadman was last held.
+    /// Its claims.
+    claims: Guard,
+    /// When its deadman was last held, or it took over.
     held: Stamp,
 }
 
@@ -136,14 +136,17 @@ impl Desk {
     }
 
     /// Takes in a claim. `may_take_over` says whether its sender is a supervisor.
-    pub(crate) fn claim(&mut self, claim: &Envelope<Claim>, may_take_over: bool) -> Result<Tenure, Refusal> {
+    pub(crate) fn claim(
+        &mut self,
+        now: Stamp,
+        claim: &Envelope<Claim>,
+        may_take_over: bool,
+    ) -> Result<Tenure, Refusal> {
         let (session, Claim { wish, name }) = (claim.header.session, claim.body);
         let seat = self.seats.iter_mut().find(|seat| seat.session == session);
         let seat = seat.ok_or(Refusal::ForeignSession)?;
-        if claim.header.seq <= seat.claimed {
-            return Err(Refusal::OutOfOrder);
-        }
-        (seat.claimed, seat.name) = (claim.header.seq, name);
+        seat.claims.admit(now, &claim.header)?;
+        seat.name = name;
         let holds = self.lease.is_some_and(|lease| lease.holder == session);
         if let Some(lease) = self.lease.as_mut().filter(|_| holds) {
             lease.name = name;
@@ -153,7 +156,11 @@ impl Desk {
             Wish::Release if holds => Ok(self.give_up()),
             Wish::Release => Ok(Tenure::Same),
             Wish::TakeOver if holds => Ok(Tenure::Same),
-            Wish::TakeOver if may_take_over => Ok(self.grant(session, false)),
+            Wish::TakeOver if may_take_over => {
+                // As long as whoever let go: else one who has watched for long would give way before it can press.
+                seat.held = now;
+                Ok(self.grant(session, false))
+            }
             Wish::TakeOver => Err(Refusal::NotSupervisor),
         }
     }
@@ -191,7 +198,7 @@ impl Desk {
             rearm: Rearm::default(),
             command: None,
             too_old: false,
-            claimed: Seq(0),
+            claims: self.guard.clone(),
             held: now,
         };
         if self.seats.len() < SEATS {

@@ -113,7 +113,7 @@ impl Arbiter {
 
     fn on_claim(&mut self, now: Stamp, claim: &Envelope<Claim>, outbox: &mut Outbox<Output>) {
         let may_take_over = self.supervisors.contains(&claim.body.name);
-        let reason = match self.hearing.operators_mut().claim(claim, may_take_over) {
+        let reason = match self.hearing.operators_mut().claim(now, claim, may_take_over) {
             Err(why) => return self.hearing.refuse(why),
             Ok(Tenure::Same | Tenure::Watching) => return,
             Ok(Tenure::Anew { .. }) => Reason::SecondOperator,

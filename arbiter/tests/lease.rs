@@ -112,6 +112,34 @@ fn a_supervisor_takes_over_and_must_press_afresh_and_nobody_else_can() {
 }
 
 #[test]
+fn a_supervisor_who_has_only_watched_keeps_what_it_took_over_until_it_presses() {
+    let settings = ArbiterSettings {
+        lease_idle_ms: 200,
+        ..ArbiterSettings::default()
+    };
+    let mut stage = Stage::new(Timing::default(), &settings);
+    rounds(&mut stage, 1..3, Some(RELEASED), Some(RELEASED));
+    rounds(&mut stage, 3..30, Some(held(1)), Some(RELEASED));
+    stage.step(at(585), Event::Claim(claim(OTHER, 1, Wish::TakeOver, "supervisor")));
+    rounds(&mut stage, 30..32, Some(RELEASED), Some(RELEASED));
+    rounds(&mut stage, 32..34, Some(held(2)), Some(RELEASED));
+    assert_eq!(holder(&stage), Some(OTHER));
+    rounds(&mut stage, 34..36, Some(held(2)), Some(held(1)));
+    assert_eq!(motion(&stage), Motion::Permitted { press: 1 });
+}
+
+#[test]
+fn a_forged_claim_of_the_last_number_there_is_does_not_silence_the_ones_that_follow() {
+    let mut stage = real();
+    rounds(&mut stage, 1..3, Some(RELEASED), Some(RELEASED));
+    stage.step(at(46), Event::Claim(claim(OTHER, 1, Wish::Drive, "supervisor")));
+    rounds(&mut stage, 3..6, Some(held(1)), Some(RELEASED));
+    stage.step(at(125), Event::Claim(claim(OTHER, u64::MAX, Wish::Drive, "nobody")));
+    stage.step(at(126), Event::Claim(claim(OTHER, 2, Wish::TakeOver, "supervisor")));
+    assert_eq!(holder(&stage), Some(OTHER));
+}
+
+#[test]
 fn a_holder_that_falls_silent_stops_at_once_and_loses_the_lease_after_two_seconds() {
     let mut stage = real();
     rounds(&mut stage, 1..3, Some(RELEASED), Some(RELEASED));

@@ -75,15 +75,17 @@ impl Hearing {
     }
 
     /// Refuses a lease that a later one of the same arbiter has outdated, or that differs from the one of its number.
+    ///
+    /// Only while the stream lives: one forged lease of a high number would else have every true one refused for good.
     fn check_lease(&self, lease: Option<Lease>, same_arbiter: bool) -> Result<Hands, Refusal> {
-        match (self.lease, lease) {
-            (Some(known), Some(new)) if same_arbiter && new.number < known.number => Err(Refusal::SecondOperator),
-            (Some(known), Some(new)) if same_arbiter && new.number == known.number => {
-                let same = new.holder == known.holder;
-                same.then_some(Hands::Same).ok_or(Refusal::SecondOperator)
-            }
-            (_, Some(_)) => Ok(Hands::Others),
-            (_, None) => Ok(Hands::Same),
+        let (Some(known), Some(new)) = (self.lease, lease) else {
+            return Ok(if lease.is_some() { Hands::Others } else { Hands::Same });
+        };
+        let same = (new.number, new.holder) == (known.number, known.holder);
+        match (same_arbiter, same) {
+            (true, true) => Ok(Hands::Same),
+            (true, false) if self.alive && new.number <= known.number => Err(Refusal::SecondOperator),
+            _ => Ok(Hands::Others),
         }
     }
 

@@ -60,6 +60,59 @@ fn a_robot_that_was_started_again_learns_of_the_stop_from_the_arbiter() {
 }
 
 #[test]
+fn a_forged_lease_stops_the_arm_for_as_long_as_a_loss_and_then_a_fresh_press_moves_it() {
+    let mut stage = Stage::real();
+    stage.stream(at(100), RELEASED, Vec3::ZERO);
+    stage.stream(at(200), pressed(1), RIGHT);
+    let newest = stage.state().header.id();
+    let mut forged = setpoint(12, 0, pressed(1), RIGHT, Some(newest));
+    forged.body.lease = Some(Lease {
+        number: u32::MAX,
+        holder: Session(66),
+        name: Label::default(),
+    });
+    stage.step(Event::Setpoint(forged));
+    assert_eq!(stage.robot.motion(), Motion::Held(Reason::AwaitingPress));
+    stage.stream(at(400), pressed(1), RIGHT);
+    assert!(!stage.robot.motion().is_permitted(), "what is held does not count");
+    stage.stream(at(500), RELEASED, Vec3::ZERO);
+    stage.stream(at(600), pressed(2), RIGHT);
+    assert_eq!(stage.robot.motion(), pressed(2));
+}
+
+#[test]
+fn an_arbiter_that_was_started_again_moves_the_arm_only_by_a_press_that_follows_a_held_setpoint() {
+    let mut stage = Stage::real();
+    stage.stream(at(100), RELEASED, Vec3::ZERO);
+    stage.stream(at(200), pressed(1), RIGHT);
+    let send = |stage: &mut Stage, seq, motion| {
+        let newest = stage.state().header.id();
+        let mut setpoint = setpoint(seq, 0, motion, RIGHT, Some(newest));
+        setpoint.header.session = Session(77);
+        setpoint.body.lease = Some(Lease {
+            number: 1,
+            holder: Session(5),
+            name: Label::default(),
+        });
+        stage.step(Event::Setpoint(setpoint));
+        stage.robot.motion()
+    };
+    assert_eq!(
+        send(&mut stage, 1, pressed(1)),
+        pressed(1),
+        "refused: the one before is alive"
+    );
+    stage.pass(at(420));
+    assert!(matches!(
+        stage.robot.motion(),
+        Motion::Held(Reason::SetpointLost { .. })
+    ));
+    assert_eq!(send(&mut stage, 2, pressed(1)), Motion::Held(Reason::AwaitingPress));
+    assert_eq!(send(&mut stage, 3, RELEASED), RELEASED);
+    assert_eq!(send(&mut stage, 4, pressed(1)), pressed(1));
+}
+
+#[test]
 fn a_setpoint_without_a_lease_or_with_one_that_was_outdated_moves_nothing() {
     let mut stage = Stage::real();
     stage.stream(at(100), RELEASED, Vec3::ZERO);

@@ -39,7 +39,8 @@ struct Stop {
 }
 
 /// Whoever stops repeats itself until it is heard; a clear of a repetition clears the ones before it, and ones that were
-/// missed up to here.
+/// missed up to here. No further: a stop that was forged with the last number there is, and cleared, must not make all
+/// that its owner says later a repetition of it.
 const REPEATED: u64 = 200;
 
 /// Holds the newest emergency stop until it is cleared.
@@ -77,7 +78,10 @@ impl Latch {
     }
 
     fn set(&mut self, stop: Stop) -> bool {
-        let is_repeated = |before: MessageId| before.session == stop.id.session && stop.id.seq <= before.seq;
+        let is_repeated = |before: MessageId| {
+            let behind = before.seq.0.checked_sub(stop.id.seq.0);
+            before.session == stop.id.session && behind.is_some_and(|behind| behind <= REPEATED)
+        };
         if self.cleared.is_some_and(is_repeated) || self.stop.is_some_and(|before| is_repeated(before.id)) {
             return false;
         }
@@ -150,6 +154,15 @@ mod tests {
         };
         assert!(!latch.hear_of(told(3)));
         assert!(stop(&mut latch, id(1, 4)));
+    }
+
+    #[test]
+    fn a_forged_stop_that_was_cleared_does_not_silence_the_one_in_whose_name_it_came() {
+        let mut latch = Latch::default();
+        assert!(stop(&mut latch, id(1, u64::MAX)));
+        assert!(clear(&mut latch, id(1, u64::MAX)) && latch.reason().is_none());
+        assert!(stop(&mut latch, id(1, 5)) && latch.reason().is_some());
+        assert!(clear(&mut latch, id(1, 5)) && latch.reason().is_none());
     }
 
     #[test]
