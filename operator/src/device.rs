@@ -188,6 +188,8 @@ pub(crate) struct Keyboard {
     config: KeyConfig,
     grip: Grip,
     press: u32,
+    /// Emergency stops so far, modulo 256. Outlasts silence: one that was asked for meanwhile still counts.
+    stops: u8,
 }
 
 impl Keyboard {
@@ -196,6 +198,7 @@ impl Keyboard {
             config,
             grip: Grip::Absent,
             press: 0,
+            stops: 0,
         }
     }
 
@@ -215,12 +218,16 @@ impl Keyboard {
                 Grip::Held(contact, sample.keys)
             }
         };
+        let stop = std::mem::replace(&mut self.stops, sample.stops) != sample.stops;
         let Some(before) = before else {
-            return Asked::default();
+            return Asked {
+                stop,
+                ..Asked::default()
+            };
         };
         Asked {
             trial: before.requests != sample.requests,
-            stop: before.stops != sample.stops,
+            stop,
             release: before.releases != sample.releases,
             take_over: before.take_overs != sample.take_overs,
         }
@@ -280,9 +287,15 @@ impl Keyboard {
 
 impl Remember for Keyboard {
     fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
-        let Self { config: _, grip, press } = self;
+        let Self {
+            config: _,
+            grip,
+            press,
+            stops,
+        } = self;
         memory.part(grip)?;
-        memory.part(press)
+        memory.part(press)?;
+        memory.part(stops)
     }
 }
 
@@ -379,6 +392,21 @@ mod tests {
         );
         keyboard.take(Stamp(200 * MILLISECOND), sample(Keys::LEFT, 2), true);
         assert_eq!(keyboard.handling(), Handling::Spent);
+    }
+
+    #[test]
+    fn an_emergency_stop_asked_for_while_the_device_was_silent_counts_once() {
+        let mut keyboard = keyboard();
+        let mut ask = |millis, stops| {
+            let sample = DeviceSample {
+                stops,
+                ..DeviceSample::default()
+            };
+            keyboard.expire(Stamp(millis * MILLISECOND));
+            keyboard.take(Stamp(millis * MILLISECOND), sample, false).stop
+        };
+        assert_eq!([ask(0, 0), ask(20, 0)], [false, false]);
+        assert_eq!([ask(400, 1), ask(420, 1), ask(900, 1)], [true, false, false]);
     }
 
     #[test]
