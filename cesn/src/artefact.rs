@@ -156,6 +156,31 @@ impl Model {
         Ok(model)
     }
 
+    /// Reads several model files that stand one right after the other.
+    ///
+    /// # Errors
+    /// If there is none, or one of them is not exactly what [`Self::to_bytes`] writes for a usable model.
+    pub fn several_from_bytes(mut bytes: &[u8]) -> Result<Vec<Self>, ArtefactError> {
+        let mut models = Vec::new();
+        loop {
+            let announced = bytes.get(32..HEADER).and_then(|length| length.first_chunk::<8>());
+            let length = announced.map_or(0, |length| u64::from_le_bytes(*length));
+            let end = usize::try_from(length)
+                .ok()
+                .and_then(|length| length.checked_add(HEADER + HASH));
+            // What is too short, or announces more than there is, is refused by whoever reads it.
+            let (first, rest) = match end {
+                Some(end) if end < bytes.len() => bytes.split_at(end),
+                _ => (bytes, &[][..]),
+            };
+            models.push(Self::from_bytes(first)?);
+            if rest.is_empty() {
+                return Ok(models);
+            }
+            bytes = rest;
+        }
+    }
+
     /// SHA-256 of its file, as every other program computes it: two models with one hash are one model.
     #[must_use]
     pub fn hash(&self) -> [u8; 32] {

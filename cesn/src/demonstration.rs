@@ -260,6 +260,19 @@ impl Demonstration {
         Ok(demonstration)
     }
 
+    /// The same movement under another condition: where it is at `step`, its outputs there being the context. `None` if
+    /// it ends before. So one set of demonstrations serves checkpoints at several steps.
+    #[must_use]
+    pub fn conditioned_at(&self, step: usize) -> Option<Self> {
+        let context = self.rows().nth(step)?.to_vec();
+        let name = |column: &String| format!("{CONTEXT_PREFIX}{column}");
+        Some(Self {
+            context_columns: self.output_columns.iter().map(name).collect(),
+            context,
+            ..self.clone()
+        })
+    }
+
     /// The same demonstration as CSV; reading it back gives the same numbers, bit for bit.
     #[must_use]
     pub fn to_csv(&self) -> String {

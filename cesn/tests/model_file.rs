@@ -165,3 +165,36 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn models_one_after_the_other_come_back_in_their_order_and_nothing_else_does() {
+    let settings = Settings {
+        units: 30,
+        ..Settings::default()
+    };
+    let moved: Vec<_> = planar::demonstrations()
+        .iter()
+        .map(|one| one.conditioned_at(55).expect("84 steps"))
+        .collect();
+    let other = Model::train(&moved, &settings).expect("trainable");
+    let two = [&BYTES[..], &other.to_bytes()].concat();
+    let back = Model::several_from_bytes(&two).expect("two models");
+    assert_eq!(
+        back.iter().map(Model::hash).collect::<Vec<_>>(),
+        [SMALL.hash(), other.hash()]
+    );
+    assert_eq!(Model::several_from_bytes(&BYTES).expect("one model").len(), 1);
+    for cut in [0, 1, 39, 40, BYTES.len() - 1, BYTES.len() + 1, two.len() - 1] {
+        assert!(Model::several_from_bytes(&two[..cut]).is_err(), "cut at {cut}");
+    }
+}
+
+#[test]
+fn a_demonstration_conditioned_elsewhere_has_its_own_place_there_as_context() {
+    let demonstration = &planar::demonstrations()[0];
+    let moved = demonstration.conditioned_at(55).expect("84 steps");
+    assert_eq!(moved.context(), demonstration.rows().nth(55).expect("84 steps"));
+    assert_eq!(moved.context_columns(), ["context_x_m", "context_y_m"]);
+    assert!(moved.rows().eq(demonstration.rows()));
+    assert_eq!(demonstration.conditioned_at(84), None);
+}

@@ -230,7 +230,7 @@ impl<'a> Stage<'a> {
             }
             6..9 => {
                 let keys = [
-                    2,
+                    3,
                     self.chance.byte() % 128,
                     self.chance.byte() % 4,
                     self.chance.byte() % 3,

@@ -14,6 +14,8 @@ choices! {
         Simulated = "simulated",
         /// The keyboard of this terminal.
         Keyboard = "keyboard",
+        /// A recording: `tandem replay --drive` sets this itself.
+        Replayed = "replayed",
     }
 }
 
@@ -202,8 +204,15 @@ impl KeyConfig {
         Self {
             frame,
             speed: settings.keyboard_speed_m_s,
-            timeout: u64::from(settings.device_timeout_ms) * MILLISECOND,
+            timeout: settings.device_timeout(),
         }
+    }
+}
+
+impl OperatorSettings {
+    /// After this much silence a device counts as released.
+    pub(crate) fn device_timeout(&self) -> Nanos {
+        u64::from(self.device_timeout_ms) * MILLISECOND
     }
 }
 

@@ -4,7 +4,7 @@
 //!
 //! | byte | meaning |
 //! | --- | --- |
-//! | 0 | version of this layout, 2 |
+//! | 0 | version of this layout, 3: 2 is that of a recording that is played |
 //! | 1 | keys down, a bit each: +x, −x, +y, −y of the task, up, down, hold |
 //! | 2 | presses so far, modulo 256: how often a first key went down |
 //! | 3 | trials asked for so far, modulo 256 |
@@ -15,12 +15,13 @@
 //! The counts let a lost sample hide nothing, and a repeated one do nothing twice.
 
 use bincode::{Decode, Encode};
-use tandem_wire::{Deadman, Malformed, Memory, Nanos, Remember, Stamp, Vec3};
+use tandem_wire::{Malformed, Memory, Nanos, Remember, Stamp, Vec3};
 
 use crate::config::KeyConfig;
+use crate::hand::Hand;
 
 /// The version of a sample's layout.
-const VERSION: u8 = 2;
+const VERSION: u8 = 3;
 /// The length of a sample.
 const SAMPLE_BYTES: usize = 7;
 
@@ -142,52 +143,13 @@ impl DeviceSample {
     }
 }
 
-/// Who holds what.
-///
-/// ```text
-///          all up             a key goes down
-///  Absent ────────▶ Open ─────────────────────────▶ Held ◀┐ keys change; pressed anew: next number
-///    ▲ │             ▲  ◀──────── all up ───────────  │ └─┘
-///    │ └─ keys down ─┼─▶ Spent ◀── no picture ────────┤
-///    │               └──── │ ── pressed anew ─▶ Held  │
-///    └─────────────────────┴────────── silence ───────┘
-/// ```
-///
-/// Keys that are already down when we first look are `Spent`: they must go up before they count.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
-enum Grip {
-    Absent,
-    Open(Contact),
-    Held(Contact, Keys),
-    Spent(Contact),
-}
-
-/// The newest sample's arrival and counts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
-struct Contact {
-    arrived: Stamp,
-    sample: DeviceSample,
-}
-
-/// What the keyboard is doing, for whoever looks at the status.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Handling {
-    /// No samples arrive.
-    Absent,
-    /// No key is down.
-    Open,
-    /// Keys are down and count.
-    Held,
-    /// Keys are down from before a loss: they must go up first.
-    Spent,
-}
-
 /// A keyboard whose samples may stop at any time.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Keyboard {
     config: KeyConfig,
-    grip: Grip,
-    press: u32,
+    hand: Hand<Keys>,
+    /// The newest sample, until the device falls silent.
+    newest: Option<DeviceSample>,
     /// Emergency stops so far, modulo 256. Outlasts silence: one that was asked for meanwhile still counts.
     stops: u8,
 }
@@ -196,30 +158,18 @@ impl Keyboard {
     pub(crate) const fn new(config: KeyConfig) -> Self {
         Self {
             config,
-            grip: Grip::Absent,
-            press: 0,
+            hand: Hand::new(config.timeout),
+            newest: None,
             stops: 0,
         }
     }
 
     /// Takes in a sample; says what it asks for.
     pub(crate) fn take(&mut self, now: Stamp, sample: DeviceSample, has_picture: bool) -> Asked {
-        let contact = Contact { arrived: now, sample };
-        let before = self.contact().map(|contact| contact.sample);
-        let anew = before.is_some_and(|before| before.presses != sample.presses);
-        self.grip = match self.grip {
-            _ if sample.keys.is_empty() => Grip::Open(contact),
-            _ if !has_picture => Grip::Spent(contact),
-            Grip::Absent => Grip::Spent(contact),
-            Grip::Spent(_) if !anew => Grip::Spent(contact),
-            Grip::Held(..) if !anew => Grip::Held(contact, sample.keys),
-            Grip::Open(_) | Grip::Spent(_) | Grip::Held(..) => {
-                self.press = self.press.wrapping_add(1);
-                Grip::Held(contact, sample.keys)
-            }
-        };
+        let keys = Some(sample.keys).filter(|keys| !keys.is_empty());
+        self.hand.take(now, keys, sample.presses, has_picture);
         let stop = std::mem::replace(&mut self.stops, sample.stops) != sample.stops;
-        let Some(before) = before else {
+        let Some(before) = self.newest.replace(sample) else {
             return Asked {
                 stop,
                 ..Asked::default()
@@ -235,25 +185,13 @@ impl Keyboard {
 
     /// Lets time pass: a device that has been silent for too long is absent.
     pub(crate) fn expire(&mut self, now: Stamp) {
-        if self.deadline().is_some_and(|deadline| now >= deadline) {
-            self.grip = Grip::Absent;
+        if self.hand.expire(now) {
+            self.newest = None;
         }
-    }
-
-    /// There is no picture any more: what is held does not count.
-    pub(crate) fn go_blind(&mut self) {
-        if let Grip::Held(contact, _) = self.grip {
-            self.grip = Grip::Spent(contact);
-        }
-    }
-
-    pub(crate) fn deadline(&self) -> Option<Stamp> {
-        self.contact()
-            .map(|contact| contact.arrived.after(self.config.timeout).after(1))
     }
 
     pub(crate) fn velocity(&self) -> Vec3 {
-        let Grip::Held(_, keys) = self.grip else {
+        let Some(keys) = self.hand.held() else {
             return Vec3::ZERO;
         };
         let [x, y, up] = keys.direction();
@@ -261,27 +199,12 @@ impl Keyboard {
         (direction * self.config.speed).capped(self.config.speed)
     }
 
-    pub(crate) fn deadman(&self) -> Deadman {
-        match self.grip {
-            Grip::Held(..) => Deadman::Held { press: self.press },
-            Grip::Absent | Grip::Open(_) | Grip::Spent(_) => Deadman::Released,
-        }
+    pub(crate) const fn hand(&self) -> &Hand<Keys> {
+        &self.hand
     }
 
-    pub(crate) fn handling(&self) -> Handling {
-        match self.grip {
-            Grip::Absent => Handling::Absent,
-            Grip::Open(_) => Handling::Open,
-            Grip::Held(..) => Handling::Held,
-            Grip::Spent(_) => Handling::Spent,
-        }
-    }
-
-    fn contact(&self) -> Option<Contact> {
-        match self.grip {
-            Grip::Absent => None,
-            Grip::Open(contact) | Grip::Held(contact, _) | Grip::Spent(contact) => Some(contact),
-        }
+    pub(crate) const fn hand_mut(&mut self) -> &mut Hand<Keys> {
+        &mut self.hand
     }
 }
 
@@ -289,12 +212,12 @@ impl Remember for Keyboard {
     fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
         let Self {
             config: _,
-            grip,
-            press,
+            hand,
+            newest,
             stops,
         } = self;
-        memory.part(grip)?;
-        memory.part(press)?;
+        hand.remember(memory)?;
+        memory.part(newest)?;
         memory.part(stops)
     }
 }
@@ -304,9 +227,10 @@ pub const SAMPLE_PERIOD: Nanos = 20 * tandem_wire::MILLISECOND;
 
 #[cfg(test)]
 mod tests {
-    use tandem_wire::{MILLISECOND, TaskFrame};
+    use tandem_wire::{Deadman, MILLISECOND, TaskFrame};
 
     use super::*;
+    use crate::hand::Handling;
 
     fn keyboard() -> Keyboard {
         Keyboard::new(KeyConfig {
@@ -337,15 +261,15 @@ mod tests {
             take_overs: 6,
         };
         assert_eq!(DeviceSample::from_bytes(&sample.to_bytes()), Ok(sample));
-        assert_eq!(sample.to_bytes(), [2, 0b0100_0010, 200, 3, 4, 5, 6]);
+        assert_eq!(sample.to_bytes(), [3, 0b0100_0010, 200, 3, 4, 5, 6]);
         assert_eq!(DeviceSample::from_bytes(&[]), Err(Malformed::Truncated(0)));
-        assert_eq!(DeviceSample::from_bytes(&[2; 8]), Err(Malformed::Oversized(8)));
+        assert_eq!(DeviceSample::from_bytes(&[3; 8]), Err(Malformed::Oversized(8)));
         assert_eq!(
             DeviceSample::from_bytes(&[1, 0, 0, 0, 0, 0, 0]),
             Err(Malformed::Version(1))
         );
         assert_eq!(
-            DeviceSample::from_bytes(&[2, 0x80, 0, 0, 0, 0, 0]),
+            DeviceSample::from_bytes(&[3, 0x80, 0, 0, 0, 0, 0]),
             Err(Malformed::Body)
         );
     }
@@ -358,11 +282,11 @@ mod tests {
         assert_eq!(keyboard.velocity(), Vec3::new(0.0, 0.1, 0.0));
         keyboard.take(Stamp(2), sample(Keys::RIGHT.and(Keys::FORWARD), 1), true);
         assert!((keyboard.velocity().norm() - 0.1).abs() < 1e-12 && keyboard.velocity().x < 0.0);
-        assert_eq!(keyboard.deadman(), HELD(1));
+        assert_eq!(keyboard.hand().deadman(), HELD(1));
         keyboard.take(Stamp(3), sample(Keys::RIGHT.and(Keys::LEFT), 1), true);
-        assert_eq!((keyboard.velocity(), keyboard.deadman()), (Vec3::ZERO, HELD(1)));
+        assert_eq!((keyboard.velocity(), keyboard.hand().deadman()), (Vec3::ZERO, HELD(1)));
         keyboard.take(Stamp(4), sample(Keys::HOLD, 1), true);
-        assert_eq!((keyboard.velocity(), keyboard.deadman()), (Vec3::ZERO, HELD(1)));
+        assert_eq!((keyboard.velocity(), keyboard.hand().deadman()), (Vec3::ZERO, HELD(1)));
     }
 
     #[test]
@@ -370,28 +294,28 @@ mod tests {
         let mut keyboard = keyboard();
         keyboard.take(Stamp(0), sample(Keys::default(), 255), true);
         keyboard.take(Stamp(1), sample(Keys::LEFT, 0), true);
-        assert_eq!(keyboard.deadman(), HELD(1));
+        assert_eq!(keyboard.hand().deadman(), HELD(1));
         keyboard.take(Stamp(2), sample(Keys::LEFT, 1), true);
-        assert_eq!(keyboard.deadman(), HELD(2));
+        assert_eq!(keyboard.hand().deadman(), HELD(2));
     }
 
     #[test]
     fn keys_down_at_the_start_or_after_silence_must_go_up_first() {
         let mut keyboard = keyboard();
         keyboard.take(Stamp(0), sample(Keys::LEFT, 1), true);
-        assert_eq!(keyboard.deadman(), Deadman::Released);
+        assert_eq!(keyboard.hand().deadman(), Deadman::Released);
         keyboard.take(Stamp(1), sample(Keys::default(), 1), true);
         keyboard.take(Stamp(2), sample(Keys::LEFT, 2), true);
-        assert_eq!(keyboard.deadman(), HELD(1));
+        assert_eq!(keyboard.hand().deadman(), HELD(1));
         keyboard.expire(Stamp(2).after(150 * MILLISECOND));
-        assert_eq!(keyboard.deadman(), HELD(1));
+        assert_eq!(keyboard.hand().deadman(), HELD(1));
         keyboard.expire(Stamp(3).after(150 * MILLISECOND));
         assert_eq!(
-            (keyboard.deadman(), keyboard.velocity()),
+            (keyboard.hand().deadman(), keyboard.velocity()),
             (Deadman::Released, Vec3::ZERO)
         );
         keyboard.take(Stamp(200 * MILLISECOND), sample(Keys::LEFT, 2), true);
-        assert_eq!(keyboard.handling(), Handling::Spent);
+        assert_eq!(keyboard.hand().handling(), Handling::Spent);
     }
 
     #[test]

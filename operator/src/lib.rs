@@ -10,6 +10,7 @@
 //! | --- | --- |
 //! | state | the source sees it; in lockstep the answer is one command of the same tick |
 //! | device sample | keys count at once; a key asks for a new trial |
+//! | sample of a recording | its velocity counts while the deadman is held; `tandem replay --drive` sends them |
 //! | wake | in real time a command every stream period; a changed deadman does not wait for it |
 //! | unreadable sample | counted |
 //! | storage, presence of the recorder | the status line says whether the session is recorded |
@@ -24,8 +25,8 @@
 //!            ┌─────────────────────────────────────┐
 //!            │                                     ▼
 //!  released: no picture                    the source decides:
-//!            ▲                             simulated human (see `human.rs`)
-//!            │                             or keys on a device (see `device.rs`)
+//!            ▲                             simulated human (see `human.rs`), keys on a
+//!            │                             device (`device.rs`), a recording (`played.rs`)
 //!            └─────────────────────────────────────┘
 //!                 silence of the stream timeout
 //! ```
@@ -41,10 +42,12 @@
 mod config;
 mod device;
 mod family;
+mod hand;
 mod human;
 #[cfg(feature = "terminal")]
 pub mod keyboard;
 mod node;
+mod played;
 mod policy;
 mod ports;
 mod random;
@@ -54,9 +57,11 @@ mod status;
 mod wish;
 
 pub use config::{HumanKind, HumanSettings, Label, OperatorSettings, SourceKind};
-pub use device::{DeviceSample, Handling, Keys, SAMPLE_PERIOD};
+pub use device::{DeviceSample, Keys, SAMPLE_PERIOD};
 pub use family::{CHECKPOINT_STEP, FamilyPath, LAST_STEP};
+pub use hand::Handling;
 pub use human::{Doing, Ended, Waiting};
 pub use node::{Event, Operator, Output};
+pub use played::PlayedSample;
 pub use sight::Seen;
 pub use status::{Activity, Recording, Status};

@@ -10,6 +10,7 @@ use tandem_wire::{
 use crate::config::{HumanConfig, HumanSettings, KeyConfig, OperatorSettings, SourceKind};
 use crate::device::{Asked, DeviceSample, Keyboard};
 use crate::human::SimulatedHuman;
+use crate::played::{Played, PlayedSample};
 use crate::sight::{Eyes, Picture};
 use crate::source::Source;
 use crate::status::{Recording, Status};
@@ -21,6 +22,8 @@ pub enum Event {
     State(Box<Envelope<State>>),
     /// The local device was sampled.
     Device(DeviceSample),
+    /// A recording that is played was sampled.
+    Played(PlayedSample),
     /// The recorder says how the session file is kept.
     Storage(Envelope<Storage>),
     /// A sample could not be read.
@@ -105,6 +108,7 @@ impl Operator {
                 Source::Simulated(Box::new(SimulatedHuman::new(config)))
             }
             SourceKind::Keyboard => Source::Device(Keyboard::new(KeyConfig::new(settings, frame))),
+            SourceKind::Replayed => Source::Played(Played::new(settings.device_timeout())),
         };
         Self {
             timing,
@@ -340,6 +344,7 @@ impl Node for Operator {
         match event {
             Event::State(state) => self.on_state(now, &state, outbox),
             Event::Device(sample) => self.on_device(now, sample, outbox),
+            Event::Played(sample) => self.source.take_played(now, sample, self.picture.live().is_some()),
             Event::Storage(storage) => self.recording = Recording::Told(storage.body),
             Event::Presence { peer, alive } => self.recording.hear_presence(peer, alive),
             Event::Unreadable(_) => self.refused.add(Refusal::Unreadable),

@@ -4,6 +4,7 @@ use tandem_wire::{Input, Malformed, NodeName, Ports, Topic, Unreadable, decode, 
 
 use crate::device::DeviceSample;
 use crate::node::{Event, Operator, Output};
+use crate::played::{self, PlayedSample};
 
 impl Ports for Operator {
     const NAME: NodeName = NodeName::Operator;
@@ -50,6 +51,7 @@ impl Ports for Operator {
 fn read(topic: Topic, bytes: &[u8]) -> Result<Event, Malformed> {
     match topic {
         Topic::State => decode(bytes).map(|state| Event::State(Box::new(state))),
+        Topic::Device if bytes.first() == Some(&played::VERSION) => PlayedSample::from_bytes(bytes).map(Event::Played),
         Topic::Device => DeviceSample::from_bytes(bytes).map(Event::Device),
         Topic::Storage => decode(bytes).map(Event::Storage),
         _ => Err(Malformed::Topic),

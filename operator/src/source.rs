@@ -5,6 +5,7 @@ use tandem_wire::{Deadman, Malformed, Memory, Remember, Stamp, Vec3};
 use crate::config::MAX_SPEED;
 use crate::device::{Asked, DeviceSample, Keyboard};
 use crate::human::SimulatedHuman;
+use crate::played::{Played, PlayedSample};
 use crate::sight::Sight;
 use crate::status::Activity;
 
@@ -15,6 +16,8 @@ pub(crate) enum Source {
     Simulated(Box<SimulatedHuman>),
     /// A local device: its keys count at once.
     Device(Keyboard),
+    /// A recording that is played.
+    Played(Played),
 }
 
 impl Source {
@@ -22,7 +25,7 @@ impl Source {
     pub(crate) fn see(&mut self, sight: &Sight) {
         match self {
             Self::Simulated(human) => human.see(sight),
-            Self::Device(_) => {}
+            Self::Device(_) | Self::Played(_) => {}
         }
     }
 
@@ -30,15 +33,24 @@ impl Source {
     pub(crate) fn go_blind(&mut self) {
         match self {
             Self::Simulated(human) => human.go_blind(),
-            Self::Device(keyboard) => keyboard.go_blind(),
+            Self::Device(keyboard) => keyboard.hand_mut().go_blind(),
+            Self::Played(played) => played.hand_mut().go_blind(),
         }
     }
 
     /// Hands it a device's sample; says what that asks for.
     pub(crate) fn take(&mut self, now: Stamp, sample: DeviceSample, has_picture: bool) -> Asked {
         match self {
-            Self::Simulated(_) => Asked::default(),
+            Self::Simulated(_) | Self::Played(_) => Asked::default(),
             Self::Device(keyboard) => keyboard.take(now, sample, has_picture),
+        }
+    }
+
+    /// Hands it a sample of a recording.
+    pub(crate) fn take_played(&mut self, now: Stamp, sample: PlayedSample, has_picture: bool) {
+        match self {
+            Self::Played(played) => played.take(now, sample, has_picture),
+            Self::Simulated(_) | Self::Device(_) => {}
         }
     }
 
@@ -47,6 +59,9 @@ impl Source {
         match self {
             Self::Simulated(_) => {}
             Self::Device(keyboard) => keyboard.expire(now),
+            Self::Played(played) => {
+                played.hand_mut().expire(now);
+            }
         }
     }
 
@@ -54,7 +69,8 @@ impl Source {
     pub(crate) fn deadline(&self) -> Option<Stamp> {
         match self {
             Self::Simulated(_) => None,
-            Self::Device(keyboard) => keyboard.deadline(),
+            Self::Device(keyboard) => keyboard.hand().deadline(),
+            Self::Played(played) => played.hand().deadline(),
         }
     }
 
@@ -63,6 +79,7 @@ impl Source {
         let wanted = match self {
             Self::Simulated(human) => human.velocity(),
             Self::Device(keyboard) => keyboard.velocity(),
+            Self::Played(played) => played.velocity(),
         };
         wanted.capped(MAX_SPEED)
     }
@@ -71,7 +88,8 @@ impl Source {
     pub(crate) fn deadman(&self) -> Deadman {
         match self {
             Self::Simulated(human) => human.deadman(),
-            Self::Device(keyboard) => keyboard.deadman(),
+            Self::Device(keyboard) => keyboard.hand().deadman(),
+            Self::Played(played) => played.hand().deadman(),
         }
     }
 
@@ -79,7 +97,7 @@ impl Source {
     pub(crate) fn wish(&self) -> Option<Vec3> {
         match self {
             Self::Simulated(human) => human.wish(),
-            Self::Device(_) => None,
+            Self::Device(_) | Self::Played(_) => None,
         }
     }
 
@@ -87,7 +105,8 @@ impl Source {
     pub(crate) fn activity(&self) -> Activity {
         match self {
             Self::Simulated(human) => Activity::Simulated(human.doing()),
-            Self::Device(keyboard) => Activity::Keyboard(keyboard.handling()),
+            Self::Device(keyboard) => Activity::Keyboard(keyboard.hand().handling()),
+            Self::Played(played) => Activity::Played(played.hand().handling()),
         }
     }
 }
@@ -97,6 +116,7 @@ impl Remember for Source {
         match self {
             Self::Simulated(human) => human.remember(memory),
             Self::Device(keyboard) => keyboard.remember(memory),
+            Self::Played(played) => played.remember(memory),
         }
     }
 }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use tandem_wire::{Condition, Deadman, NodeName, Refusals, Session, Storage, Vec3};
 
-use crate::device::Handling;
+use crate::hand::Handling;
 use crate::human::{Doing, Ended, Waiting};
 use crate::sight::Seen;
 
@@ -15,6 +15,8 @@ pub enum Activity {
     Simulated(Doing),
     /// Somebody steers with keys.
     Keyboard(Handling),
+    /// A recording is played.
+    Played(Handling),
 }
 
 /// The operator at one moment.
@@ -114,6 +116,12 @@ impl fmt::Display for Activity {
                 Handling::Open => "no key held",
                 Handling::Held => "you steer",
                 Handling::Spent => "let go of all keys first",
+            }),
+            Self::Played(handling) => f.write_str(match handling {
+                Handling::Absent => "no recording is played",
+                Handling::Open => "the recording waits",
+                Handling::Held => "the recording steers",
+                Handling::Spent => "let go of the deadman first",
             }),
         }
     }

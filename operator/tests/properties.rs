@@ -72,6 +72,17 @@ fn glimpse() -> impl Strategy<Value = Glimpse> {
 }
 
 fn sample() -> impl Strategy<Value = Vec<u8>> {
+    prop_oneof![keys(), played()]
+}
+
+fn played() -> impl Strategy<Value = Vec<u8>> {
+    (0..3_u8, 0..3_u8, any::<[f64; 3]>()).prop_map(|(held, presses, velocity)| {
+        let numbers = velocity.into_iter().flat_map(f64::to_le_bytes);
+        [2, held, presses].into_iter().chain(numbers).collect()
+    })
+}
+
+fn keys() -> impl Strategy<Value = Vec<u8>> {
     (
         prop_oneof![9 => Just(2_u8), 1 => any::<u8>()],
         0..0x80_u8,
@@ -95,7 +106,11 @@ fn happening() -> impl Strategy<Value = (u64, Happening)> {
 }
 
 fn settings() -> impl Strategy<Value = (bool, OperatorSettings, HumanSettings)> {
-    let source = prop_oneof![Just(SourceKind::Simulated), Just(SourceKind::Keyboard)];
+    let source = prop_oneof![
+        Just(SourceKind::Simulated),
+        Just(SourceKind::Keyboard),
+        Just(SourceKind::Replayed)
+    ];
     let kinds = [
         HumanKind::Pursuit,
         HumanKind::Intermittent,

@@ -22,6 +22,8 @@ pub(crate) struct Crossing {
     pub(crate) point: [f64; 2],
     /// Where the movement is now on the demonstrations' time axis, in steps: the plane's, and what passed since.
     pub(crate) phase: f64,
+    /// Which checkpoint, from 0 in the order in which a movement passes them.
+    pub(crate) plane: usize,
 }
 
 /// Looks out for the checkpoints, one after the other.
@@ -51,20 +53,24 @@ impl Lookout {
     /// The tool is at `here`, `ticks` control periods after the last call.
     ///
     /// With `f` the share of the way from there to here that lies behind the plane, the crossing was at
-    /// `here − f·(here − before)`, `f·ticks` periods ago.
+    /// `here − f·(here − before)`, `f·ticks` periods ago. Of several that were crossed at once the last one counts.
     pub(crate) fn pass(&mut self, here: [f64; 2], ticks: u32) -> Option<Crossing> {
         let before = self.before.replace(here)?;
-        let plane = *self.planes.get(self.passed)?;
-        if !(before[0] < plane.x && plane.x <= here[0]) {
-            return None;
+        let mut crossing = None;
+        while let Some(plane) = self.planes.get(self.passed)
+            && before[0] < plane.x
+            && plane.x <= here[0]
+        {
+            let behind = (here[0] - plane.x) / (here[0] - before[0]);
+            crossing = Some(Crossing {
+                // The plane's own x: interpolating it would only add rounding.
+                point: [plane.x, here[1] - behind * (here[1] - before[1])],
+                phase: plane.step + behind * f64::from(ticks),
+                plane: self.passed,
+            });
+            self.passed += 1;
         }
-        self.passed += 1;
-        let behind = (here[0] - plane.x) / (here[0] - before[0]);
-        Some(Crossing {
-            // The plane's own x: interpolating it would only add rounding.
-            point: [plane.x, here[1] - behind * (here[1] - before[1])],
-            phase: plane.step + behind * f64::from(ticks),
-        })
+        crossing
     }
 }
 
@@ -118,6 +124,22 @@ mod tests {
         let crossing = lookout.pass([0.3, 0.1], 1).unwrap();
         assert_eq!((crossing.point, crossing.phase), ([0.3, 0.1], 41.0));
         assert_eq!(lookout.pass([0.35, 0.1], 1), None);
+    }
+
+    #[test]
+    fn checkpoints_are_passed_one_after_the_other_and_of_two_at_once_the_last_counts() {
+        let planes = || {
+            let plane = |x, step| Plane { x, step };
+            Lookout::new(vec![plane(0.3, 41.0), plane(0.4, 55.0)])
+        };
+        let mut lookout = planes();
+        let passed = [0.2, 0.35, 0.38, 0.45, 0.5].map(|x| lookout.pass([x, 0.0], 1).map(|crossing| crossing.plane));
+        assert_eq!(passed, [None, Some(0), None, Some(1), None]);
+        let mut lookout = planes();
+        lookout.pass([0.2, 0.0], 1);
+        let crossing = lookout.pass([0.6, 0.4], 1).unwrap();
+        assert_eq!(crossing.plane, 1);
+        assert!((crossing.point[1] - 0.2).abs() < 1e-12 && (crossing.phase - 55.5).abs() < 1e-12);
     }
 
     #[test]

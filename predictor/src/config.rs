@@ -1,5 +1,7 @@
 //! The `[predictor]` section, and what a model must be like to serve here.
 
+use std::sync::Arc;
+
 use tandem_cesn::Model;
 use tandem_settings::settings;
 use tandem_wire::Timing;
@@ -25,6 +27,20 @@ settings! {
 /// Why a model cannot guide this robot.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum UnfitModel {
+    /// There is none.
+    #[error("a predictor needs a model")]
+    None,
+    /// Two models' checkpoints do not follow each other.
+    #[error(
+        "two models have their checkpoints at x = {} m, step {}, and x = {} m, step {}; they must follow each other in both",
+        planes[0], steps[0], planes[1], steps[1]
+    )]
+    Checkpoints {
+        /// Where they lie, in metres along the task's x.
+        planes: [f64; 2],
+        /// At which steps of the demonstrations.
+        steps: [usize; 2],
+    },
     /// Its outputs are no positions in the plane.
     #[error("the model predicts {found} numbers a step ({columns}); guiding the tool in the plane needs x and y")]
     Outputs {
@@ -55,6 +71,29 @@ pub enum UnfitModel {
         /// Seconds between ticks.
         control_s: f64,
     },
+}
+
+/// Checkpoints this close together, in metres, are one.
+const APART: f64 = 1e-3;
+
+/// Checks every model by itself, and that their checkpoints follow each other; sorts them so.
+pub(crate) fn check_all(models: &mut [Arc<Model>], timing: &Timing) -> Result<(), UnfitModel> {
+    if models.is_empty() {
+        return Err(UnfitModel::None);
+    }
+    models.iter().try_for_each(|model| check(model, timing))?;
+    models.sort_by(|one, other| one.checkpoint_plane().total_cmp(&other.checkpoint_plane()));
+    for pair in models.windows(2) {
+        let (before, after) = (&pair[0], &pair[1]);
+        let apart = after.checkpoint_plane() - before.checkpoint_plane() >= APART;
+        if !apart || after.checkpoint_step() <= before.checkpoint_step() {
+            return Err(UnfitModel::Checkpoints {
+                planes: [before.checkpoint_plane(), after.checkpoint_plane()],
+                steps: [before.checkpoint_step(), after.checkpoint_step()],
+            });
+        }
+    }
+    Ok(())
 }
 
 /// The one frame a model's positions may be in.

@@ -10,7 +10,7 @@ use tandem_wire::{
 };
 
 use crate::checkpoint::{Crossing, Lookout, Plane};
-use crate::config::{PredictorSettings, UnfitModel, check};
+use crate::config::{PredictorSettings, UnfitModel, check_all};
 use crate::forecast::{Course, Following};
 
 /// Everything that can happen to the predictor.
@@ -46,7 +46,8 @@ pub struct Predictor {
     timing: Timing,
     frame: TaskFrame,
     following: Following,
-    model: Arc<Model>,
+    /// One for each checkpoint, in the order in which a movement passes them.
+    models: Vec<Arc<Model>>,
     forecaster: Forecaster,
     proposals: Numbering,
     forecasts: Numbering,
@@ -79,23 +80,39 @@ impl Predictor {
         model: impl Into<Arc<Model>>,
         settings: &PredictorSettings,
     ) -> Result<Self, UnfitModel> {
-        let model = model.into();
-        check(&model, &timing)?;
-        let plane = Plane {
+        Self::with_models(session, timing, frame, vec![model.into()], settings)
+    }
+
+    /// The same with several checkpoints, a model for each, in any order: every crossing is forecast anew, by its own.
+    ///
+    /// # Errors
+    /// When there is no model, one does not map a point of the task's plane to positions in it, one per control period,
+    /// or two checkpoints do not follow each other.
+    pub fn with_models(
+        session: Session,
+        timing: Timing,
+        frame: TaskFrame,
+        mut models: Vec<Arc<Model>>,
+        settings: &PredictorSettings,
+    ) -> Result<Self, UnfitModel> {
+        check_all(&mut models, &timing)?;
+        let planes = models.iter().map(|model| Plane {
             x: model.checkpoint_plane(),
             step: model.checkpoint_step() as f64,
-        };
+        });
+        let largest = models.iter().max_by_key(|model| model.reservoir().units());
+        let forecaster = Forecaster::new(largest.ok_or(UnfitModel::None)?);
         Ok(Self {
             timing,
             frame,
             following: settings.following(&timing),
-            forecaster: Forecaster::new(&model),
-            model,
+            forecaster,
             proposals: Numbering::new(session),
             forecasts: Numbering::new(session),
             states: StateGuard::new(&timing),
             refused: Refusals::default(),
-            lookout: Lookout::new(vec![plane]),
+            lookout: Lookout::new(planes.collect()),
+            models,
             course: None,
             made: 0,
             tick: None,
@@ -166,14 +183,16 @@ impl Predictor {
 
     /// Runs the model for a new condition. A condition that it cannot take leaves the human alone.
     fn forecast(&mut self, now: Stamp, tick: u32, crossing: &Crossing, outbox: &mut Outbox<Output>) {
-        let first = self.model.checkpoint_step();
-        let forecast = self.forecaster.forecast(&self.model, &crossing.point, first).ok();
+        let Some(model) = self.models.get(crossing.plane) else {
+            return;
+        };
+        let first = model.checkpoint_step();
+        let forecast = self.forecaster.forecast(model, &crossing.point, first).ok();
         let number = self.made.saturating_add(1);
-        self.course =
-            forecast.and_then(|forecast| Course::new(number, &self.model, forecast, &self.frame, crossing.phase));
+        self.course = forecast.and_then(|forecast| Course::new(number, model, forecast, &self.frame, crossing.phase));
         if let Some(course) = &self.course {
             self.made = number;
-            let message = course.message(crossing, &self.model, self.timing.period);
+            let message = course.message(crossing, model, self.timing.period);
             outbox.push(Output::Forecast(self.forecasts.envelope(now, tick, message)));
         }
     }
@@ -190,7 +209,7 @@ impl Remember for Predictor {
             timing: _,
             frame: _,
             following: _,
-            model: _,
+            models: _,
             // Starts from rest for every forecast.
             forecaster: _,
             proposals,

@@ -42,6 +42,7 @@ mod reader;
 mod session_file;
 mod sinks;
 mod tally;
+mod urdf;
 mod view;
 
 pub use config::{BadSettings, Live, RecorderConfig, RecorderSettings, ViewTarget};
@@ -52,6 +53,8 @@ pub use reader::{
     ChannelRead, Damage, NodeRecord, Noted, PartsReader, ReadError, Recorded, Recording, RepairError, Repaired, repair,
 };
 pub use session_file::{JOURNAL_ENCODING, Provenance, SessionFile, WriteError};
-pub use sinks::{Closed, Drops, Ended, Lost, Notice, OpenError, Sinks, part_path};
+pub use sinks::{Closed, Drops, Ended, Heading, Lost, Notice, OpenError, Sinks, part_path, save_what_if};
 pub use tally::{ClockOffset, Counts, Gap, JournalCount, StreamCount};
+pub use urdf::{Urdf, UrdfError};
+pub use view::what_if::Side;
 pub use view::{Drawing, Moment, View};

@@ -18,11 +18,13 @@ mod colours;
 mod interval;
 pub(crate) mod layout;
 mod log;
+mod meshes;
 mod plots;
 mod status;
 mod surroundings;
 mod trace;
 mod trials;
+pub(crate) mod what_if;
 mod wishes;
 
 use rerun::external::re_sdk_types::SerializedComponentBatch;
@@ -31,7 +33,9 @@ use tandem_wire::{MessageId, Nanos, Scene, Setpoint, Stamp, State, Timing, Trial
 
 use crate::heard::{Entry, Heard, Sample};
 use crate::sinks::Drops;
+use crate::urdf::Urdf;
 use log::Log;
+pub(crate) use meshes::Meshes;
 use plots::Latency;
 use status::Status;
 use trace::Trace;
@@ -79,6 +83,8 @@ pub struct View {
     lanes: Lanes,
     /// The forecast that is drawn.
     forecast: Option<MessageId>,
+    /// How the arm looks, if that is known; else its collision shapes are drawn.
+    meshes: Option<Meshes>,
 }
 
 /// What stands in the lanes now; drawn only when it changes.
@@ -93,6 +99,8 @@ struct Lanes {
 pub(crate) struct Sheet<'a> {
     moment: Moment,
     drawings: &'a mut Vec<Drawing>,
+    /// Of two runs in one picture, which: `world/path` becomes `world/<side>/path`.
+    side: Option<&'static str>,
 }
 
 impl View {
@@ -112,7 +120,18 @@ impl View {
             latency: Latency::new(timing.pace),
             lanes: Lanes::default(),
             forecast: None,
+            meshes: None,
         }
+    }
+
+    /// Draws the arm as its URDF file describes it.
+    #[must_use]
+    pub fn with_urdf(self, urdf: &Urdf) -> Self {
+        self.with_meshes(Some(Meshes::new(urdf)))
+    }
+
+    pub(crate) fn with_meshes(self, meshes: Option<Meshes>) -> Self {
+        Self { meshes, ..self }
     }
 
     /// What holds at all times: names, colours, which way is up.
@@ -126,11 +145,14 @@ impl View {
     /// Begins a recording of its own at `heard`: all is forgotten but the surroundings, which are drawn again.
     pub fn begin_recording(&mut self, heard: &Heard, drawings: &mut Vec<Drawing>) {
         let scene = self.scene.take();
-        *self = Self::new(self.timing);
+        *self = Self::new(self.timing).with_meshes(self.meshes.take());
+        if let Some(meshes) = &self.meshes {
+            drawings.extend_from_slice(meshes.opening());
+        }
         self.origin = heard.session_time;
         let moment = self.moment(heard);
         if let Some(scene) = scene {
-            self.draw_scene(&scene, &mut Sheet { moment, drawings });
+            self.draw_scene(&scene, &mut Sheet::new(moment, drawings));
         }
     }
 
@@ -145,7 +167,7 @@ impl View {
     /// Draws one thing that was heard; `drops` so far go with the counts.
     pub fn draw(&mut self, heard: &Heard, drops: Drops, drawings: &mut Vec<Drawing>) {
         let moment = self.moment(heard);
-        let mut sheet = Sheet { moment, drawings };
+        let mut sheet = Sheet::new(moment, drawings);
         match &heard.entry {
             Entry::Note(note) => self.log.draw(heard.at, note, &mut sheet),
             Entry::Counts(counts) => plots::draw_counts(counts, drops, &mut sheet),
@@ -190,9 +212,12 @@ impl View {
         }
         let tool = state.tool.position;
         self.tool = Some(tool);
-        if let Some(scene) = &self.scene {
-            arm::draw(&scene.bodies, state, sheet);
+        match (&self.meshes, &self.scene) {
+            (Some(meshes), _) => meshes.draw(state, sheet),
+            (None, Some(scene)) => arm::draw(&scene.bodies, state, sheet),
+            (None, None) => {}
         }
+        arm::draw_tool(colours::TOOL, state, sheet);
         self.trace.draw(tool, trace::colour(state), sheet);
         self.status.hear_state(state, sheet);
         plots::draw_state(state, sheet);
@@ -261,17 +286,35 @@ fn fixed(path: &str, what: &dyn AsComponents) -> Drawing {
     }
 }
 
-impl Sheet<'_> {
+impl<'a> Sheet<'a> {
+    const fn new(moment: Moment, drawings: &'a mut Vec<Drawing>) -> Self {
+        Self {
+            moment,
+            drawings,
+            side: None,
+        }
+    }
+
+    /// Draws an entity of this side.
     fn draw(&mut self, path: &str, what: &dyn AsComponents) {
+        let path = match (self.side, path.split_once('/')) {
+            (Some(side), Some((tree, entity))) => format!("{tree}/{side}/{entity}"),
+            _ => path.to_owned(),
+        };
+        self.put(path, what);
+    }
+
+    fn put(&mut self, path: String, what: &dyn AsComponents) {
         self.drawings.push(Drawing {
-            path: path.to_owned(),
+            path,
             moment: Some(self.moment),
             batches: what.as_serialized_batches(),
         });
     }
 
+    /// A number over time, under this very path.
     fn plot(&mut self, path: &str, value: f64) {
-        self.draw(path, &rerun::Scalars::single(value));
+        self.put(path.to_owned(), &rerun::Scalars::single(value));
     }
 }
 

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 use tandem_recorder::NoEvidence;
 use tandem_settings::Document;
+use tandem_trials::plan::{BadCode, BadPlan, NoModel, OutOfReach};
+use tandem_trials::run::RunError;
 use tandem_trials::{Configuration, Unbuildable};
 
 use crate::Outcome;
@@ -36,6 +38,20 @@ pub(crate) enum BadConfiguration {
     Override { given: String },
     #[error(transparent)]
     Unbuildable(#[from] Unbuildable),
+    #[error(transparent)]
+    Plan(#[from] BadPlan),
+    #[error(transparent)]
+    Reach(#[from] OutOfReach),
+    #[error(transparent)]
+    Model(#[from] NoModel),
+    #[error("condition {condition}")]
+    Condition { condition: String, source: Unbuildable },
+    #[error("cannot read the plan {path}", path = path.display())]
+    NoPlan { path: PathBuf, source: std::io::Error },
+    #[error(transparent)]
+    Participant(#[from] BadCode),
+    #[error(transparent)]
+    Run(RunError),
     #[error("{0}")]
     Conflict(String),
 }

@@ -17,6 +17,7 @@ mod train;
 mod trial;
 mod trial_report;
 mod verify;
+mod what_if;
 
 use std::process::ExitCode;
 
@@ -54,33 +55,27 @@ enum Subcommands {
     Recorder(nodes::RecorderFlags),
     /// Plays a recorded session, into Rerun or onto the network under another name.
     Replay(replay::ReplayFlags),
+    /// Lets the human of a recorded session meet another law or model.
+    WhatIf(what_if::WhatIfFlags),
     /// Works with session files.
     Session {
         #[command(subcommand)]
         command: session::SessionCommands,
     },
+    /// Plans and runs experiments.
+    Trial {
+        #[command(subcommand)]
+        command: trial::TrialCommands,
+    },
     /// Trains a model from demonstrations.
     Train(train::TrainFlags),
     /// Prints a model's forecast for a context.
     Forecast(forecast::ForecastFlags),
-    /// Experiments: many trials.
-    Trial {
-        #[command(subcommand)]
-        command: TrialCommands,
-    },
     /// Works with the configuration.
     Config {
         #[command(subcommand)]
         command: ConfigCommands,
     },
-}
-
-#[derive(Subcommand)]
-enum TrialCommands {
-    /// Evaluates a run: figures per condition, tests between them, and a page with every trial.
-    Report(trial_report::ReportFlags),
-    /// Runs simulated trials under virtual time: humans × departures × laws × seeds × contexts.
-    Sweep(sweep::SweepFlags),
 }
 
 #[derive(Subcommand)]
@@ -111,15 +106,11 @@ fn main() -> ExitCode {
         Subcommands::RobotSim(flags) => nodes::robot_sim(&flags),
         Subcommands::Recorder(flags) => nodes::recorder(&flags),
         Subcommands::Replay(flags) => replay::run(&flags),
+        Subcommands::WhatIf(flags) => what_if::run(&flags),
         Subcommands::Session { command } => session::run(&command),
-        Subcommands::Trial {
-            command: TrialCommands::Report(flags),
-        } => trial_report::run(&flags),
+        Subcommands::Trial { command } => trial::run(&command),
         Subcommands::Train(flags) => train::run(&flags),
         Subcommands::Forecast(flags) => forecast::run(&flags),
-        Subcommands::Trial {
-            command: TrialCommands::Sweep(flags),
-        } => sweep::run(&flags),
         Subcommands::Config {
             command: ConfigCommands::Show(flags),
         } => configuration::print(&flags),

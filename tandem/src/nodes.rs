@@ -7,9 +7,9 @@ use std::str::FromStr;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use anyhow::{Context as _, bail};
+use anyhow::bail;
 use clap::{Args, ValueEnum};
-use crossbeam_channel::{Receiver, bounded, select};
+use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 use tandem_link::net::DEFAULT_ENDPOINT;
 use tandem_link::{Link, LinkSettings, Observer, Running, Sighting};
 use tandem_operator::{SourceKind, keyboard};
@@ -111,6 +111,9 @@ pub(crate) struct RecorderFlags {
     /// (connect=URL), through a server that browsers come to (serve), or writes the recording there (save=PATH.rrd).
     #[arg(long, value_name = "spawn|serve|connect=URL|save=PATH", num_args = 0..=1, default_missing_value = "spawn")]
     view: Option<ViewFlag>,
+    /// Draws the arm as this URDF file describes it, with its meshes, instead of its collision shapes.
+    #[arg(long, value_name = "PATH")]
+    urdf: Option<PathBuf>,
     #[command(flatten)]
     node: NodeFlags,
 }
@@ -165,17 +168,11 @@ impl Process {
         let interrupted = interrupt::catch()?;
         let settings = parts.link_settings().clone();
         eprintln!("{name}: {}", describe(&settings));
-        let (sender, opened) = bounded(1);
-        // Dialling blocks until somebody answers; meanwhile Ctrl-C must still work.
-        std::thread::spawn(move || drop(sender.send(Link::open(&settings))));
-        select! {
-            recv(opened) -> link => {
-                let link = link.context("the connection attempt ended without a result")??;
-                eprintln!("{name}: ready, robot {:?}; Ctrl-C ends it", link.robot().as_str());
-                Ok(Some(Self { link, interrupted }))
-            }
-            recv(interrupted) -> _ => Ok(None),
-        }
+        let Some(link) = connect(&settings, || interrupted.try_recv().is_ok())? else {
+            return Ok(None);
+        };
+        eprintln!("{name}: ready, robot {:?}; Ctrl-C ends it", link.robot().as_str());
+        Ok(Some(Self { link, interrupted }))
     }
 
     /// Runs until Ctrl-C, or until the node ends by itself.
@@ -201,6 +198,22 @@ impl Process {
     }
 }
 
+/// Connects, for as long as it takes; `None` if the user gave up first, as `gave_up` tells.
+pub(crate) fn connect(settings: &LinkSettings, gave_up: impl Fn() -> bool) -> anyhow::Result<Option<Link>> {
+    let (sender, opened) = bounded(1);
+    let settings = settings.clone();
+    // Dialling blocks until somebody answers; meanwhile Ctrl-C must still work.
+    std::thread::spawn(move || drop(sender.send(Link::open(&settings))));
+    loop {
+        match opened.recv_timeout(POLL) {
+            Ok(link) => return Ok(Some(link?)),
+            Err(RecvTimeoutError::Disconnected) => bail!("the connection attempt ended without a result"),
+            Err(RecvTimeoutError::Timeout) if gave_up() => return Ok(None),
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+    }
+}
+
 /// How often a process looks whether its node has ended.
 const POLL: Duration = Duration::from_millis(100);
 
@@ -223,6 +236,10 @@ pub(crate) fn operator(flags: &OperatorFlags) -> anyhow::Result<Outcome> {
         .source
         .map(|source| ("operator.source", format!("{source:?}").to_lowercase()));
     let configuration = flags.node.configuration(source.as_slice())?;
+    if configuration.operator.source == SourceKind::Replayed {
+        let why = "operator.source = \"replayed\" is what tandem replay --drive sets: use that command".to_owned();
+        return Err(BadConfiguration::Conflict(why).into());
+    }
     let keyboard = configuration.operator.source == SourceKind::Keyboard;
     if keyboard && !std::io::stdin().is_terminal() {
         bail!(keyboard::KeyboardError::NotATerminal);
@@ -345,6 +362,12 @@ pub(crate) fn recorder(flags: &RecorderFlags) -> anyhow::Result<Outcome> {
         ("recorder.rrd", flags.record.with_extension("rrd").display().to_string()),
     ];
     overrides.extend(flags.view.iter().flat_map(ViewFlag::overrides));
+    overrides.extend(
+        flags
+            .urdf
+            .iter()
+            .map(|path| ("recorder.urdf", path.display().to_string())),
+    );
     let parts = Parts::new(flags.node.configuration(&overrides)?, None)?;
     let sinks = parts.sinks()?;
     let process = match Process::begin(&parts, NodeName::Recorder) {

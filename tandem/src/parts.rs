@@ -44,10 +44,14 @@ impl Parts {
     /// If settings that are each right cannot be right together.
     pub(crate) fn new(configuration: Configuration, model: Option<Model>) -> anyhow::Result<Self> {
         let blueprint = Blueprint::new(configuration, fresh_session(), model).map_err(BadConfiguration::from)?;
-        Ok(Self {
+        Ok(Self::of(blueprint))
+    }
+
+    pub(crate) fn of(blueprint: Blueprint) -> Self {
+        Self {
             blueprint,
             await_peers: LOOP.to_vec(),
-        })
+        }
     }
 
     /// In lockstep nodes also wait for the recorder, so that the record begins with the first message.
@@ -60,7 +64,7 @@ impl Parts {
         let configuration = self.blueprint.configuration();
         let lockstep = self.blueprint.timing().pace == tandem_wire::Pace::Lockstep && N::NAME != NodeName::Recorder;
         let model = match N::NAME {
-            NodeName::Predictor => self.blueprint.model().map(Model::to_bytes).unwrap_or_default(),
+            NodeName::Predictor => self.blueprint.model_bytes(),
             _ => Vec::new(),
         };
         ShellOptions {
@@ -87,9 +91,19 @@ impl Parts {
 
     pub(crate) fn operator(&self, link: &Link, show: impl FnMut(String) + Send + 'static) -> anyhow::Result<Running> {
         let mut show = show;
+        self.watched_operator(link, move |status| show(status.to_string()))
+    }
+
+    /// An operator whose thoughts `watch` is told.
+    pub(crate) fn watched_operator(
+        &self,
+        link: &Link,
+        watch: impl FnMut(&tandem_operator::Status) + Send + 'static,
+    ) -> anyhow::Result<Running> {
+        let mut watch = watch;
         let local = move |_, output| {
             if let tandem_operator::Output::Status(status) = output {
-                show(status.to_string());
+                watch(&status);
             }
         };
         Ok(spawn(

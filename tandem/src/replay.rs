@@ -1,8 +1,9 @@
 //! `tandem replay`: plays a session file into a Rerun view, or onto the network under another robot's name.
 //!
-//! It never commands anybody: on the network it says what was seen (state, proposal, forecast, scene, trial), not what
-//! a robot obeys.
+//! It commands nobody: on the network it says what was seen (state, proposal, forecast, scene, trial), not what a robot
+//! obeys. Only `--drive` does, in `drive.rs`, as an operator would.
 
+mod drive;
 mod keyboard;
 mod player;
 mod report;
@@ -67,9 +68,17 @@ pub(crate) struct ReplayFlags {
     /// Shows it in the Rerun viewer, at URL if one is given; this is the default.
     #[arg(long, value_name = "URL", num_args = 0..=1, require_equals = true, default_missing_value = "", conflicts_with_all = ["robot", "listen", "connect"])]
     view: Option<String>,
+    /// Draws the arm as this URDF file describes it, with its meshes.
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["robot", "listen", "connect"])]
+    urdf: Option<PathBuf>,
     /// Writes a Rerun recording instead.
     #[arg(long, value_name = "PATH", conflicts_with_all = ["view", "repeats", "robot", "listen", "connect"])]
     rrd: Option<PathBuf>,
+    /// Drives the live robot --robot NAME along the recorded path, while somebody at this terminal holds the deadman: the
+    /// path of the tool, through that robot's own arbiter and limits. A robot that stands elsewhere is first eased in or
+    /// refused; see [replay] in the configuration.
+    #[arg(long, conflicts_with_all = ["verify", "repeats", "topics", "rename", "view", "rrd"])]
+    drive: bool,
     /// Prints the summary as one JSON object.
     #[arg(long)]
     json: bool,
@@ -124,6 +133,14 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
     let recording = session::load(&flags.session, &flags.more)?;
     session::warn(&recording);
     let timing = session::timing(&recording);
+    if flags.drive {
+        let all: Vec<&Recorded> = recording.messages.iter().collect();
+        let (from, until) = (nanos(flags.from), flags.until.map_or(u64::MAX, nanos));
+        let instants = instants(&all, timing);
+        let between = all.iter().zip(instants).filter(|(_, at)| (from..=until).contains(at));
+        let between: Vec<&Recorded> = between.map(|(message, _)| *message).collect();
+        return drive::run(flags, &recording, &between, &interrupted);
+    }
     let messages: Vec<&Recorded> = recording
         .messages
         .iter()
@@ -174,7 +191,11 @@ fn open(flags: &ReplayFlags, recording: &Recording, timing: Timing) -> anyhow::R
         build: BUILD.to_owned(),
         epoch_unix_nanos: recording.epoch_unix_nanos,
     };
-    let mut settings = RecorderSettings::default();
+    let urdf = flags.urdf.as_ref().map(|path| path.display().to_string());
+    let mut settings = RecorderSettings {
+        urdf: urdf.unwrap_or_default(),
+        ..RecorderSettings::default()
+    };
     match (&flags.rrd, flags.view.as_deref()) {
         (Some(path), _) => {
             settings.rrd = path.display().to_string();
@@ -186,7 +207,9 @@ fn open(flags: &ReplayFlags, recording: &Recording, timing: Timing) -> anyhow::R
             url.clone_into(&mut settings.viewer);
         }
     }
-    let config = RecorderConfig::new(&settings).map_err(|error| BadConfiguration::Conflict(error.to_string()))?;
+    let config = RecorderConfig::new(&settings)
+        .map_err(|error| BadConfiguration::Conflict(error.to_string()))?
+        .for_replay();
     let is_file = flags.rrd.is_some();
     let waits = is_file || flags.speed == Some(Speed::Max);
     Ok(Target::View(Box::new(Screen::open(
@@ -247,7 +270,7 @@ struct Show<'a> {
     player: Player,
     target: Target,
     clock: Clock,
-    keyboard: Option<Keyboard>,
+    keyboard: Option<Keyboard<Key>>,
     interrupted: Receiver<()>,
     bar: ProgressBar,
     outputs: Vec<Output>,
@@ -273,7 +296,7 @@ impl<'a> Show<'a> {
         );
         let style = ProgressStyle::with_template("{bar:40} {msg}");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        let keyboard = is_live.then(Keyboard::open);
+        let keyboard = is_live.then(|| Keyboard::open(keyboard::playing));
         if keyboard.as_ref().is_some_and(Keyboard::is_there) {
             eprintln!("{}\r", keyboard::HELP);
         }

@@ -50,7 +50,8 @@ pub(crate) fn run(path: &Path, more: &[PathBuf], json: bool, note: bool) -> anyh
     })
 }
 
-fn read(path: &Path, more: &[PathBuf]) -> Result<Evidence, BadConfiguration> {
+/// Reads what a session's files hold for executing its nodes again.
+pub(crate) fn read(path: &Path, more: &[PathBuf]) -> Result<Evidence, BadConfiguration> {
     let refused = |source| BadConfiguration::Session {
         path: path.to_owned(),
         source,

@@ -36,6 +36,7 @@ fn make_run(folder: &Path) {
             condition: plan.conditions[slot.condition].name.clone(),
             context: plan.contexts[slot.context].name.clone(),
             group: "interpolated".into(),
+            source: "simulated".into(),
             repetition: 1,
             seed: slot.seed,
             outcome: TrialOutcome::Failure,

@@ -115,6 +115,7 @@ fn entry(plan: &Plan, participant: &Participant, slot: &Slot, round: u32, trace:
         condition: condition.name.clone(),
         context: context.name.clone(),
         group: format!("{:?}", context.settings.group).to_lowercase(),
+        source: "simulated".into(),
         repetition: slot.repetition + round,
         seed: 0,
         outcome: if reached {

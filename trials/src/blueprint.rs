@@ -19,7 +19,7 @@ pub struct Blueprint {
     session: Session,
     timing: Timing,
     frame: TaskFrame,
-    model: Option<Arc<Model>>,
+    models: Vec<Arc<Model>>,
 }
 
 /// Settings that are each right and cannot be right together.
@@ -51,6 +51,18 @@ impl Blueprint {
     /// # Errors
     /// If the task's axes do not span a plane, or a bad line is asked for in lockstep.
     pub fn new(configuration: Configuration, session: Session, model: Option<Model>) -> Result<Self, Unbuildable> {
+        Self::with_models(configuration, session, model.map(Arc::new).into_iter().collect())
+    }
+
+    /// The same with a model for each of several checkpoints, or none.
+    ///
+    /// # Errors
+    /// If the task's axes do not span a plane, or a bad line is asked for in lockstep.
+    pub fn with_models(
+        configuration: Configuration,
+        session: Session,
+        models: Vec<Arc<Model>>,
+    ) -> Result<Self, Unbuildable> {
         if configuration.rates.timing().pace == Pace::Lockstep && !configuration.impairment.streams.is_empty() {
             return Err(Unbuildable::ImpairedLockstep);
         }
@@ -58,7 +70,7 @@ impl Blueprint {
             session,
             timing: configuration.rates.timing(),
             frame: configuration.task.frame()?,
-            model: model.map(Arc::new),
+            models,
             configuration,
         })
     }
@@ -70,7 +82,7 @@ impl Blueprint {
     pub fn with_configuration(&self, configuration: Configuration) -> Result<Self, Unbuildable> {
         let fresh = Self::new(configuration, self.session, None)?;
         Ok(Self {
-            model: self.model.clone(),
+            models: self.models.clone(),
             ..fresh
         })
     }
@@ -93,10 +105,17 @@ impl Blueprint {
         self.timing
     }
 
-    /// The predictor's model.
+    /// The predictor's models, one for each checkpoint.
     #[must_use]
-    pub fn model(&self) -> Option<&Model> {
-        self.model.as_deref()
+    pub fn models(&self) -> &[Arc<Model>] {
+        &self.models
+    }
+
+    /// Their files one after the other, as a recording keeps them and
+    /// [`Model::several_from_bytes`] reads them.
+    #[must_use]
+    pub fn model_bytes(&self) -> Vec<u8> {
+        self.models.iter().flat_map(|model| model.to_bytes()).collect()
     }
 
     /// The operator.
@@ -113,9 +132,17 @@ impl Blueprint {
     /// # Errors
     /// If there is no model, or it is one for another task.
     pub fn predictor(&self) -> Result<Predictor, Unbuildable> {
-        let model = self.model.clone().ok_or(Unbuildable::NoModel)?;
-        let settings = &self.configuration.predictor;
-        Ok(Predictor::new(self.session, self.timing, self.frame, model, settings)?)
+        if self.models.is_empty() {
+            return Err(Unbuildable::NoModel);
+        }
+        let (models, settings) = (self.models.clone(), &self.configuration.predictor);
+        Ok(Predictor::with_models(
+            self.session,
+            self.timing,
+            self.frame,
+            models,
+            settings,
+        )?)
     }
 
     /// The arbiter.

@@ -8,6 +8,8 @@ use tandem_recorder::RecorderSettings;
 use tandem_robot_sim::RobotSimSettings;
 use tandem_settings::{Document, Error, Section, show};
 
+use crate::drive::DriveSettings;
+
 /// The settings of every part, each checked by itself.
 #[derive(Clone, Debug, Default)]
 pub struct Configuration {
@@ -31,9 +33,26 @@ pub struct Configuration {
     pub robot: RobotSimSettings,
     /// The recorder.
     pub recorder: RecorderSettings,
+    /// Driving along a recording.
+    pub replay: DriveSettings,
 }
 
 impl Configuration {
+    /// The sections it is read from.
+    pub const SECTIONS: [&'static str; 11] = [
+        LinkSettings::NAME,
+        ImpairmentSettings::NAME,
+        LoopSettings::NAME,
+        TaskSettings::NAME,
+        OperatorSettings::NAME,
+        HumanSettings::NAME,
+        PredictorSettings::NAME,
+        ArbiterSettings::NAME,
+        RobotSimSettings::NAME,
+        RecorderSettings::NAME,
+        DriveSettings::NAME,
+    ];
+
     /// Reads every section and refuses what belongs to none.
     ///
     /// # Errors
@@ -58,20 +77,9 @@ impl Configuration {
             arbiter: document.section()?,
             robot: document.section()?,
             recorder: document.section()?,
+            replay: document.section()?,
         };
-        let own = [
-            LinkSettings::NAME,
-            ImpairmentSettings::NAME,
-            LoopSettings::NAME,
-            TaskSettings::NAME,
-            OperatorSettings::NAME,
-            HumanSettings::NAME,
-            PredictorSettings::NAME,
-            ArbiterSettings::NAME,
-            RobotSimSettings::NAME,
-            RecorderSettings::NAME,
-        ];
-        document.finish(&[&own, others].concat())?;
+        document.finish(&[&Self::SECTIONS, others].concat())?;
         Ok(configuration)
     }
 
@@ -89,6 +97,7 @@ impl Configuration {
             show(&self.arbiter),
             show(&self.robot),
             show(&self.recorder),
+            show(&self.replay),
         ]
         .join("\n")
     }

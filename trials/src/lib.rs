@@ -6,11 +6,16 @@
 //! [`reexecute`](fn@reexecute) does the second: it feeds every node of a recording its own journal and says whether
 //! the same came out.
 //!
+//! [`drive`] leads a live robot along a recorded path, as an operator's hand would.
+//!
 //! A [`Tracer`] follows one trial and makes a [`Trace`] of it; [`Measures`] are its figures.
 //!
 //! [`World`] runs a trial of these nodes under virtual time, in one thread and without a network.
 //!
+//! [`what_if`](fn@what_if) lets a recorded human meet another law or model in such a world.
+//!
 //! [`sweep`] runs the same trials under many laws, on all cores.
+//!
 //! [`Plan`](plan::Plan) is an experiment as it was written down, [`run`] the folder that holds what became of it.
 //!
 //! The crate refuses to know flags, terminals and exit codes: those belong to the command line. It reads no clock.
@@ -23,6 +28,7 @@
 mod again;
 mod blueprint;
 mod configuration;
+pub mod drive;
 mod fields;
 mod latency;
 mod measures;
@@ -36,6 +42,7 @@ pub mod sweep;
 pub mod trace;
 mod tracer;
 mod verdict;
+pub mod what_if;
 pub mod world;
 
 pub use blueprint::{Blueprint, Unbuildable};
@@ -48,4 +55,5 @@ pub use smoothness::sparc;
 pub use trace::Trace;
 pub use tracer::Tracer;
 pub use verdict::{Difference, Divergence, Findings, Missing, Overall, RunFinding, Verdict};
+pub use what_if::what_if;
 pub use world::{Halt, Player, Seat, World};

@@ -20,14 +20,18 @@
 //!
 //! Pure: a text goes in, checked values or an [`Error`](BadPlan) with its place come out.
 
+mod models;
 mod order;
 mod participant;
 mod reach;
 mod sections;
 
 use sha2::{Digest, Sha256};
+use tandem_link::LinkSettings;
+use tandem_recorder::RecorderSettings;
 use tandem_settings::{Document, Error, Place, Section};
 
+pub use models::{ModelFault, NoModel};
 pub use order::Slot;
 pub use participant::{BadCode, Participant};
 pub use reach::OutOfReach;
@@ -37,6 +41,7 @@ pub use sections::{
 };
 
 use crate::Configuration;
+use crate::drive::DriveSettings;
 
 /// A plan that can be run, as far as its text tells.
 #[derive(Clone, Debug)]
@@ -200,16 +205,12 @@ const NAME_MAX: usize = 32;
 /// A run's trials are numbered with at least this many to spare.
 const TRIALS_MAX: u64 = 100_000;
 
-/// The settings that conditions, contexts and the setup may give.
-const LAYERED: [&str; 7] = [
-    "loop",
-    "task",
-    "operator",
-    "operator.human",
-    "predictor",
-    "arbiter",
-    "robot-sim",
-];
+/// The sections that conditions, contexts and the setup may give: all but those about the run as a whole.
+fn layered() -> impl Iterator<Item = &'static str> {
+    let whole = [LinkSettings::NAME, RecorderSettings::NAME, DriveSettings::NAME];
+    let sections = Configuration::SECTIONS.into_iter();
+    sections.filter(move |section| !whole.contains(section))
+}
 
 /// What the runner decides, and why.
 const OWNED: [(&str, &str); 6] = [
@@ -324,7 +325,7 @@ impl Reading<'_> {
                 });
             }
         }
-        layer.finish(&LAYERED)?;
+        layer.finish(&layered().collect::<Vec<_>>())?;
         Configuration::from_document(&layer)?;
         Ok(layer)
     }
@@ -382,12 +383,12 @@ impl Reading<'_> {
         ]
         .map(str::to_owned)
         .to_vec();
-        let layered = |section: &str| LAYERED.map(|layer| format!("{section}.{layer}"));
-        known.extend(layered("setup"));
+        let inside = |section: &str| -> Vec<String> { layered().map(|layer| format!("{section}.{layer}")).collect() };
+        known.extend(inside("setup"));
         for group in ["conditions", "contexts", "models"] {
             for (name, _) in self.document.sections_in(group)? {
                 let section = format!("{group}.{name}");
-                known.extend(layered(&section));
+                known.extend(inside(&section));
                 known.push(section);
             }
         }

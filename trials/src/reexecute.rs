@@ -12,6 +12,7 @@
 //! recording itself. How one journal is followed is in `again.rs`.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use tandem_cesn::Model;
 use tandem_recorder::{Evidence, RecordedNode, Run};
@@ -96,11 +97,11 @@ fn execute(
     journal: &[JournalBatch],
     tick: &mut dyn FnMut(u64),
 ) -> Result<(Verdict, Ran), Missing> {
-    let model = match run.node {
-        NodeName::Predictor => Some(model(evidence, recorded)?),
-        _ => None,
+    let models = match run.node {
+        NodeName::Predictor => models(evidence, recorded)?,
+        _ => Vec::new(),
     };
-    let blueprint = blueprint(run.session, recorded, model)?;
+    let blueprint = blueprint(run.session, recorded, models)?;
     let unbuildable = |why: Unbuildable| Missing::Buildable { why: why.to_string() };
     match run.node {
         NodeName::Operator => follow(|| Ok(blueprint.operator()), journal, tick),
@@ -111,17 +112,23 @@ fn execute(
     }
 }
 
-fn model(evidence: &Evidence, recorded: &RecordedNode) -> Result<Model, Missing> {
+pub(crate) fn models(evidence: &Evidence, recorded: &RecordedNode) -> Result<Vec<Arc<Model>>, Missing> {
     let sha256 = recorded.model.clone();
     let bytes = sha256.as_deref().and_then(|sha256| evidence.model(sha256));
     let bytes = bytes.ok_or(Missing::Model { sha256 })?;
-    Model::from_bytes(bytes).map_err(|why| Missing::Buildable { why: why.to_string() })
+    let models = Model::several_from_bytes(bytes).map_err(|why| Missing::Buildable { why: why.to_string() })?;
+    Ok(models.into_iter().map(Arc::new).collect())
 }
 
-fn blueprint(session: Session, recorded: &RecordedNode, model: Option<Model>) -> Result<Blueprint, Missing> {
+pub(crate) fn configuration(recorded: &RecordedNode) -> Result<Configuration, Missing> {
     let unreadable = |why: String| Missing::Buildable { why };
     let read = Document::parse("recorded", &recorded.config).and_then(|text| Configuration::from_document(&text));
     let mut configuration = read.map_err(|why| unreadable(why.to_string()))?;
     configuration.rates.seed = recorded.seed;
-    Blueprint::new(configuration, session, model).map_err(|why| unreadable(why.to_string()))
+    Ok(configuration)
+}
+
+fn blueprint(session: Session, recorded: &RecordedNode, models: Vec<Arc<Model>>) -> Result<Blueprint, Missing> {
+    let unreadable = |why: String| Missing::Buildable { why };
+    Blueprint::with_models(configuration(recorded)?, session, models).map_err(|why| unreadable(why.to_string()))
 }

@@ -79,6 +79,8 @@ pub struct TrialEntry {
     pub context: String,
     /// How the context lies to the demonstrations: "demonstrated", "interpolated", "extrapolated".
     pub group: String,
+    /// Who drove it: "simulated" or "keyboard".
+    pub source: String,
     /// Which repetition, from 1; 0 for practice.
     pub repetition: u32,
     /// The seed of its human; the same for every condition.

@@ -200,6 +200,11 @@ impl World {
         self.said.push_back((Topic::Trial, bytes));
     }
 
+    /// Says something in nobody's name: whoever listens to the topic hears it next.
+    pub fn say(&mut self, topic: Topic, bytes: Vec<u8>) {
+        self.said.push_back((topic, bytes));
+    }
+
     /// Runs one trial from its mark until the human has let go for good, or `limit` has passed, and traces it, the
     /// simulated human's wish included.
     pub fn trial(&mut self, number: u32, label: &str, limit: Nanos) -> (Trace, Halt) {

@@ -26,6 +26,7 @@ fn entry(number: u32, slot: u32, outcome: TrialOutcome) -> TrialEntry {
         condition: "fixed".into(),
         context: "a".into(),
         group: "interpolated".into(),
+        source: "simulated".into(),
         repetition: 1,
         seed: 7,
         outcome,

@@ -26,7 +26,7 @@ pub(super) enum Driver {
 }
 
 impl Driver {
-    const ALL: [Self; 4] = [Self::Human, Self::Shared, Self::Robot, Self::Held];
+    pub(super) const ALL: [Self; 4] = [Self::Human, Self::Shared, Self::Robot, Self::Held];
 
     pub(super) fn of(setpoint: &Setpoint) -> Self {
         let weight = setpoint.weight.0;

@@ -170,6 +170,21 @@ impl Screen {
     }
 }
 
+/// Who plays a part on this robot; a recorder only listens.
+pub(super) fn present(link: &Link) -> anyhow::Result<Vec<NodeName>> {
+    let presence = Observer::of_presence(link)?;
+    let limit = Instant::now() + PRESENCE;
+    let mut present = Vec::new();
+    while let Some(sighting) = presence.next(limit.saturating_duration_since(Instant::now())) {
+        if let Sighting::Presence { peer, alive: true } = sighting
+            && peer != NodeName::Recorder
+        {
+            present.push(peer);
+        }
+    }
+    Ok(present)
+}
+
 /// The network, under another robot's name.
 pub(super) struct Network {
     link: Link,
@@ -182,17 +197,11 @@ pub(super) struct Network {
 impl Network {
     /// Refuses a name under which a robot is alive: two would speak as one.
     pub(super) fn open(link: Link, pace: Pace, names: Vec<(Topic, String)>) -> anyhow::Result<Self> {
-        let presence = Observer::of_presence(&link)?;
-        let limit = Instant::now() + PRESENCE;
-        while let Some(sighting) = presence.next(limit.saturating_duration_since(Instant::now())) {
-            if let Sighting::Presence { peer, alive: true } = sighting
-                && peer != NodeName::Recorder
-            {
-                bail!(
-                    "a {peer} is alive as {:?}: choose another --robot name",
-                    link.robot().as_str()
-                );
-            }
+        if let Some(peer) = present(&link)?.first() {
+            bail!(
+                "a {peer} is alive as {:?}: choose another --robot name",
+                link.robot().as_str()
+            );
         }
         Ok(Self {
             link,

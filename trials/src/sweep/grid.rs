@@ -117,7 +117,7 @@ impl Grid {
     /// Everything that decides what comes out, as TOML: two grids of the same text give the same results.
     #[must_use]
     pub fn to_toml(&self) -> String {
-        let hash = self.base.model().map(Model::hash).unwrap_or_default();
+        let hash = self.base.models().first().map(|model| model.hash()).unwrap_or_default();
         let hash: String = hash.iter().map(|byte| format!("{byte:02x}")).collect();
         format!(
             "# model {hash}\n{}\n{}",
