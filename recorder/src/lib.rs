@@ -35,6 +35,7 @@
 mod arm;
 mod config;
 mod evidence;
+mod filling;
 mod heard;
 mod node;
 mod ports;

@@ -257,6 +257,8 @@ impl Sinks {
                     view.offer(Arc::clone(&heard));
                 }
             }
+            // The shell has put it.
+            Output::Ask(_) => {}
             // For the network, not for a file.
             Output::Say(_) => {}
         }

@@ -14,8 +14,8 @@ use tandem_trials::{Configuration, Measures, Tracer};
 use tandem_wire::{JournalBatch, NodeName, Pace, Topic, Trial, decode};
 
 use crate::configuration::{self, CommonFlags};
-use crate::nodes::ViewFlag;
-use crate::parts::{Parts, RunningRecorder, lost};
+use crate::nodes::{ViewFlag, tell_of_journal};
+use crate::parts::{LOOP, Parts, RunningRecorder, lost};
 use crate::summary::progress;
 use crate::trial::TrialMarks;
 use crate::{Outcome, interrupt, shipped, table};
@@ -179,10 +179,13 @@ impl Team {
     fn stop(self, watch: &mut Watch) -> anyhow::Result<Closed> {
         let mut panicked = false;
         let mut entries = 0;
-        for node in self.players {
+        for (name, node) in LOOP.into_iter().zip(self.players) {
             node.stop();
             match node.join() {
-                Some(report) => entries += report.journal.entries - report.journal.lost,
+                Some(report) => {
+                    tell_of_journal(name, &report.journal);
+                    entries += report.journal.entries - report.journal.lost;
+                }
                 None => panicked = true,
             }
         }

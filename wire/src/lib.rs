@@ -33,7 +33,7 @@ pub use emergency::{Emergency, Latch};
 pub use frame::TaskFrame;
 pub use geometry::{Aabb, Finite, Pose, Vec3};
 pub use guard::{Echoes, Guard, Rearm, Refusal, Refusals, StateGuard, stream_timeout};
-pub use journal::{Happening, JournalBatch, JournalEntry};
+pub use journal::{Happening, JournalBatch, JournalEntry, Question};
 pub use keys::{Delivery, NodeName, RobotName, Topic};
 pub use label::{LABEL_BYTES, Label};
 pub use lease::{Claim, Lease, Wish};
