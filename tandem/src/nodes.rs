@@ -13,6 +13,7 @@ use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 use tandem_link::net::DEFAULT_ENDPOINT;
 use tandem_link::{JournalReport, Link, LinkSettings, Observer, Running, Sighting};
 use tandem_operator::{SourceKind, keyboard};
+use tandem_recorder::Notice;
 use tandem_trials::Configuration;
 use tandem_wire::{NodeName, Trial};
 
@@ -408,6 +409,10 @@ pub(crate) fn recorder(flags: &RecorderFlags) -> anyhow::Result<Outcome> {
     }
     for notice in &closed.notices {
         eprintln!("recorder: {notice}");
+    }
+    let channels: Vec<_> = closed.drops.session_file.by_channel().collect();
+    if !channels.is_empty() {
+        eprintln!("recorder: {}", Notice::Dropped { channels });
     }
     Ok(if lost(&closed) > 0 {
         Outcome::SamplesLost

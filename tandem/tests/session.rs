@@ -422,3 +422,24 @@ fn there_is_one_row_for_every_tick() {
     assert_eq!(rows[40][columns[2]], "4");
     assert!(rows[41][columns[3]].parse::<f64>().is_ok());
 }
+
+/// Tables as Parquet must read where people read them, and say the same as CSV; skipped where Python lacks the reader.
+#[test]
+fn another_reader_finds_the_same_numbers_in_parquet_and_csv() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flags = ["--csv", text(folder.path()), "--parquet", text(folder.path())];
+    let export = tandem(&[&["session", "export", text(&session())], flags.as_slice()].concat());
+    assert!(export.status.success(), "{}", String::from_utf8_lossy(&export.stderr));
+    let state = std::fs::read(folder.path().join("state.parquet")).expect("a table");
+    assert!(state.starts_with(b"PAR1") && state.ends_with(b"PAR1"));
+    let python = std::env::var("TANDEM_PYTHON").unwrap_or_else(|_| "python3".into());
+    let reader = Command::new(&python).args(["-c", "import pyarrow.parquet"]).output();
+    if !reader.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: {python} has no pyarrow; set TANDEM_PYTHON to one that has");
+        return;
+    }
+    let script = include_str!("parquet_equals_csv.py");
+    let output = Command::new(&python).args(["-c", script, text(folder.path())]).output();
+    let output = output.expect("python runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
