@@ -152,6 +152,14 @@ impl Link {
         &self.robot
     }
 
+    /// Whether a session that dials is connected to anybody now. It dials again by itself when that ends; what is
+    /// published meanwhile reaches nobody.
+    #[must_use]
+    pub fn is_connected(&self) -> bool {
+        let info = self.session.info();
+        info.routers_zid().wait().next().is_some() || info.peers_zid().wait().next().is_some()
+    }
+
     /// Closes the session; what was published before is on its way.
     pub fn close(&self) {
         // A session that is closed already, or whose peer is gone, is what we want.

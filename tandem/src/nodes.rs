@@ -232,7 +232,8 @@ pub(crate) fn connect(settings: &LinkSettings, gave_up: impl Fn() -> bool) -> an
 /// How often a process looks whether its node has ended.
 const POLL: Duration = Duration::from_millis(100);
 
-fn describe(settings: &LinkSettings) -> String {
+/// Whom it will talk to, in words.
+pub(crate) fn describe(settings: &LinkSettings) -> String {
     match (settings.listen.as_slice(), settings.connect.as_slice()) {
         ([], []) => format!("connecting to {DEFAULT_ENDPOINT} (no --listen or --connect given)"),
         ([], connect) => format!("connecting to {}", connect.join(", ")),

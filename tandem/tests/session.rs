@@ -194,6 +194,30 @@ fn on_the_network_a_replay_shows_what_was_and_commands_nobody() {
 }
 
 #[test]
+fn a_topic_is_left_out_or_has_another_name_as_asked() {
+    let (observer, link, endpoint) = listen();
+    let flags = ["--robot", "ghost", "--connect", &endpoint, "--speed", "max", "--json"];
+    let names = ["--topics", "state,scene", "--rename", "state=pose"];
+    let path = session();
+    let arguments = [["replay", text(&path)].as_slice(), &flags, &names].concat();
+    let summary = json(&tandem(&arguments));
+    let mut heard = Vec::new();
+    while let Some(sighting) = observer.next(Duration::from_millis(500)) {
+        if let Sighting::Sample { topic, .. } = sighting {
+            heard.push(topic);
+        }
+    }
+    assert!(heard.contains(&Topic::Scene));
+    assert!(heard.iter().all(|topic| *topic == Topic::Scene), "{heard:?}");
+    let played = states(&recording(&path)) + heard.len();
+    assert_eq!(
+        summary["messages_played"], played,
+        "states went out, under a name that is no topic of ours"
+    );
+    link.close();
+}
+
+#[test]
 fn a_second_pass_is_another_run_of_its_senders() {
     let (observer, link, endpoint) = listen();
     let path = session();
