@@ -272,7 +272,7 @@ proptest! {
         let (mut robot, mut now) = (Robot::default(), 0);
         for (keys, presses, later) in presses {
             now += later;
-            let bytes = [2, keys, presses, 0, 0, 0, 0];
+            let bytes = [3, keys, presses, 0, 0, 0, 0];
             let sample = DeviceSample::from_bytes(&bytes).expect("all seven keys are known");
             rig.step(Stamp(now * 1_000_000), Event::Device(sample));
             rig.step(Stamp(now * 1_000_000), Event::State(Box::new(robot.repeat())));
