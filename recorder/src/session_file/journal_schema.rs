@@ -4,7 +4,7 @@ use tandem_wire::codec::{VERSION, to_bytes};
 use tandem_wire::{JournalBatch, Message as _, NodeName, Topic};
 
 /// Every topic; where a node belongs to it, the operator's.
-const TOPICS: [Topic; 12] = [
+const TOPICS: [Topic; 14] = [
     Topic::Command,
     Topic::Proposal,
     Topic::Forecast,
@@ -16,6 +16,8 @@ const TOPICS: [Topic; 12] = [
     Topic::Info(NodeName::Operator),
     Topic::Alive(NodeName::Operator),
     Topic::Device,
+    Topic::Lease,
+    Topic::Emergency,
     Topic::Storage,
 ];
 
