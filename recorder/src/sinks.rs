@@ -21,23 +21,26 @@ mod rerun_stream;
 mod viewer;
 mod what_if;
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
 use crossbeam_channel::{Receiver, bounded};
-use tandem_wire::{Condition, NodeName, Storage, Timing};
+use tandem_wire::{Condition, NodeName, Storage, Timing, Topic};
 
 use crate::config::{RecorderConfig, ViewTarget};
 use crate::heard::{Entry, Heard, Level, Note};
 use crate::node::Output;
 use crate::session_file::Provenance;
+use crate::urdf::{Urdf, UrdfError};
+use crate::view::Meshes;
 pub use drops::{Drops, Lost};
 use feed::{Feed, Shared};
 use file::FileSink;
 pub use file::part_path;
-use rerun_stream::StreamSink;
+use rerun_stream::{Show, StreamSink};
 pub use what_if::{Heading, save_what_if};
 
 /// Notices that may wait to be read; each sink makes one or two in its life.
@@ -76,6 +79,9 @@ pub enum OpenError {
         /// What the SDK says.
         source: Box<rerun::RecordingStreamError>,
     },
+    /// The arm cannot be shown by its URDF file.
+    #[error("the arm cannot be shown as it looks (recorder.urdf)")]
+    Urdf(#[from] UrdfError),
     /// No thread can be started.
     #[error("no thread can be started")]
     Thread {
@@ -200,6 +206,8 @@ pub struct Sinks {
     dropped_before: u64,
     /// The same when it was last told to people.
     dropped_said: u64,
+    /// What was lost before the recorder took it up, when that was last told.
+    never_heard: BTreeMap<Topic, u64>,
 }
 
 impl Sinks {
@@ -209,15 +217,23 @@ impl Sinks {
     /// If a file cannot be created, with its path and the reason. A viewer that is not there is no error: it becomes
     /// a [`Notice`].
     pub fn open(config: &RecorderConfig, timing: Timing, provenance: &Provenance) -> Result<Self, OpenError> {
+        // First: what cannot be shown is known before any file is begun.
+        let urdf = config.urdf.as_deref().map(Urdf::load).transpose()?;
         let (tell, told) = bounded(NOTICES);
         let shared = Arc::new(Shared::new(tell));
         let file = match &config.session_file {
             Some(path) => Some(open_file(config, path, provenance, &shared)?),
             None => None,
         };
+        let show = Show {
+            timing,
+            provenance: provenance.clone(),
+            purpose: config.purpose,
+            meshes: urdf.as_ref().map(Meshes::new),
+        };
         let mut views = Vec::with_capacity(config.views.len());
         for target in &config.views {
-            views.push(open_view(config, target, timing, provenance, &shared)?);
+            views.push(open_view(config, target, &show, &shared)?);
         }
         Ok(Self {
             file,
@@ -227,6 +243,7 @@ impl Sinks {
             notices: Vec::new(),
             dropped_before: 0,
             dropped_said: 0,
+            never_heard: BTreeMap::new(),
         })
     }
 
@@ -244,9 +261,26 @@ impl Sinks {
                     view.offer(Arc::clone(&heard));
                 }
             }
+            // The shell has put it.
+            Output::Ask(_) => {}
             // For the network, not for a file.
             Output::Say(_) => {}
         }
+    }
+
+    /// Takes in what was lost before the recorder took it up, counted from the beginning: it is missing from the session
+    /// file (without one, from the views) like anything else that is dropped.
+    pub fn count_never_heard(&mut self, so_far: BTreeMap<Topic, u64>) {
+        let kind = match self.file {
+            Some(_) => feed::Kind::SessionFile,
+            None => feed::Kind::View,
+        };
+        // What the shell itself says is for no file.
+        for (topic, number) in so_far.iter().filter(|(topic, _)| **topic != Topic::Device) {
+            let before = self.never_heard.get(topic).copied().unwrap_or(0);
+            self.shared.lose_before(kind, *topic, number.saturating_sub(before));
+        }
+        self.never_heard = so_far;
     }
 
     /// How many outputs every sink can still take now: for whoever may wait, as a replay to a file does.
@@ -352,8 +386,7 @@ fn open_file(
 fn open_view(
     config: &RecorderConfig,
     target: &ViewTarget,
-    timing: Timing,
-    provenance: &Provenance,
+    show: &Show,
     shared: &Arc<Shared>,
 ) -> Result<Feed, OpenError> {
     let limits = feed::Limits {
@@ -366,16 +399,12 @@ fn open_view(
         ViewTarget::Save(path) => {
             let flush = rerun_stream::FILE_BATCH;
             let limits = feed::Limits { flush, ..limits };
-            let sink = StreamSink::save(path, config.rrd_index, timing, provenance, Arc::clone(shared))?;
+            let sink = StreamSink::save(path, config.rrd_index, show, Arc::clone(shared))?;
             Feed::start("the Rerun recording", Some(path.clone()), kind, limits, shared, sink)
         }
         ViewTarget::Connect(_) | ViewTarget::Spawn | ViewTarget::Serve => {
-            let show = viewer::Show {
-                timing,
-                provenance: provenance.clone(),
-                history_bytes: config.view_history_bytes,
-            };
-            let sink = viewer::ViewerSink::new(target.clone(), show, Arc::clone(shared));
+            let (show, history) = (show.clone(), config.view_history_bytes);
+            let sink = viewer::ViewerSink::new(target.clone(), show, history, Arc::clone(shared));
             Feed::start("the live view", None, kind, limits, shared, sink)
         }
     }
