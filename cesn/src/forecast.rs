@@ -19,6 +19,7 @@ pub struct Forecast {
     mean: Vec<f64>,
     half_width: Vec<f64>,
     ratio: Vec<f64>,
+    leverage: Vec<f64>,
 }
 
 impl Forecast {
@@ -58,6 +59,12 @@ impl Forecast {
         self.ratio.get(step.checked_sub(self.first_step)?).copied()
     }
 
+    /// `h = zᵀ A⁻¹ z` at `step`.
+    #[must_use]
+    pub fn leverage(&self, step: usize) -> Option<f64> {
+        self.leverage.get(step.checked_sub(self.first_step)?).copied()
+    }
+
     /// The mean of the ratio over all steps forecast.
     #[must_use]
     pub fn mean_ratio(&self) -> f64 {
@@ -73,6 +80,7 @@ impl Forecast {
         (self.first_step, self.outputs) = (first_step, outputs);
         self.mean.resize(steps * outputs, 0.0);
         self.half_width.resize(steps * outputs, 0.0);
+        self.leverage.resize(steps, 0.0);
         self.ratio.resize(steps, 0.0);
     }
 
@@ -151,6 +159,7 @@ pub struct Forecaster {
     input: Vec<f64>,
     before: Vec<f64>,
     tile: Vec<[f64; LANES]>,
+    context_time: Option<f64>,
     forecast: Forecast,
 }
 
@@ -165,6 +174,7 @@ impl Forecaster {
             input: vec![0.0; model.reservoir().inputs()],
             before: vec![0.0; model.outputs()],
             tile: vec![[0.0; LANES]; model.triangle.padded()],
+            context_time: None,
             forecast,
         }
     }
@@ -247,6 +257,7 @@ impl Forecaster {
         self.before.resize(model.outputs(), 0.0);
         self.state.rest();
         set_context(model, context, &mut self.input)?;
+        self.context_time = model.context_time(context);
         model.reservoir().hold(&mut self.state, &self.input);
         Ok(())
     }
@@ -296,7 +307,9 @@ impl Forecaster {
             for k in 0..outputs {
                 self.forecast.half_width[row * outputs + k] = model.calibration().half_width(k, *leverage);
             }
-            self.forecast.ratio[row] = model.calibration().ratio(self.forecast.first_step + row, *leverage);
+            let step = self.forecast.first_step + row;
+            self.forecast.leverage[row] = *leverage;
+            self.forecast.ratio[row] = model.ratio(self.context_time, step, *leverage);
         }
         self.tile.fill([0.0; LANES]);
     }

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use crate::forecast::{Forecast, ForecastError, Forecaster};
-use crate::interval::{Calibration, Interval};
+use crate::interval::{Calibration, Interval, novelty};
 use crate::readout::Readout;
 use crate::replan::Conditions;
 use crate::reservoir::{Reservoir, State};
@@ -86,8 +86,26 @@ impl Model {
     }
 
     /// The interval of one state at `step`, written over an earlier one without allocating. Costs `p² / 2` products.
+    /// Its ratio is that of [`Calibration::ratio`], whenever the condition was.
     pub fn interval_into(&self, state: &State, step: usize, interval: &mut Interval) {
         interval.set(&self.triangle, &self.calibration, state.activations(), step);
+    }
+
+    /// How much wider than in training an interval with `leverage` is at `step` under `context`: with conditions at
+    /// several times, than under one at this context's time.
+    pub(crate) fn ratio(&self, context_time: Option<f64>, step: usize, leverage: f64) -> f64 {
+        let conditions = self.conditions.as_ref().zip(context_time);
+        let training = conditions.and_then(|(conditions, time)| conditions.training_leverage(time, step));
+        match training {
+            Some(training) => novelty(leverage, training),
+            None => self.calibration.ratio(step, leverage),
+        }
+    }
+
+    /// When a context was, in steps; none for a model of one checkpoint, which knows.
+    pub(crate) fn context_time(&self, context: &[f64]) -> Option<f64> {
+        self.conditions.as_ref()?;
+        Some(context.first()? / self.period_s())
     }
 
     /// `y = W_out [1; x]`, written to `y`.

@@ -30,9 +30,14 @@
 //!
 //! Rows of every condition count (`1/(R+1)` for copies), so `ν` sees a step of a demonstration as often as it is
 //! learnt; leaving one out leaves out all its conditions, so `s_lodo`, which the robust interval uses, is not
-//! flattered. `h_train(t)` is the largest leverage at step `t` of the clean demonstrations under any condition
-//! before it. `ρ_hi` is measured under the first condition, at the checkpoint, as for a model of one checkpoint: later
-//! the demonstrations run together, and twice their range is nothing new.
+//! flattered. The ratio compares like with like: `h_train(t_c, t)` is the largest leverage at step `t` of the clean
+//! demonstrations under conditions at `t_c`, linear between steps. (A late step is much less certain from the checkpoint
+//! than from just before it; compared with the largest of all conditions, what is new just before it looked known.)
+//! `ρ_hi` is measured under the first condition, at the checkpoint, as for a model of one checkpoint: later the
+//! demonstrations run together, and twice their range is nothing new.
+//!
+//! A departure of the size of the jitter is no novelty: the copies have taught it. So the ratio stays near one for a
+//! few centimetres, and grows with the square of what lies beyond.
 
 use crate::demonstration::Demonstration;
 use crate::forecast::{ForecastError, Forecaster};
@@ -57,6 +62,9 @@ pub(crate) struct Conditions {
     pub(crate) last: usize,
     /// The demonstrations' mean, `T × Ny`, row by row.
     pub(crate) mean_path: Vec<f64>,
+    /// `h_train`: for every step from the first condition's to the last one's a row of `T`; before the condition, what
+    /// holds at it.
+    pub(crate) training_leverages: Vec<f64>,
 }
 
 impl Conditions {
@@ -74,7 +82,22 @@ impl Conditions {
             first: checkpoint,
             last,
             mean_path,
+            training_leverages: Vec::new(),
         }
+    }
+
+    /// The largest leverage of the demonstrations at `step` under conditions at `time`, in steps.
+    pub(crate) fn training_leverage(&self, time: f64, step: usize) -> Option<f64> {
+        let rows = self.last - self.first + 1;
+        let steps = self.training_leverages.len() / rows;
+        let within = (time - self.first as f64).clamp(0.0, (rows - 1) as f64);
+        let row = within as usize;
+        let at = |row: usize| {
+            let place = row.min(rows - 1) * steps + step.min(steps.checked_sub(1)?);
+            self.training_leverages.get(place).copied()
+        };
+        let (low, high) = (at(row)?, at(row + 1)?);
+        Some(low + (high - low) * (within - row as f64))
     }
 
     /// The steps of the conditions, ascending.
@@ -123,6 +146,11 @@ impl Conditions {
             && (self.first..steps.saturating_sub(1)).contains(&self.last)
             && self.mean_path.len() == steps * outputs
             && self.mean_path.iter().all(|number| number.is_finite())
+            && self.training_leverages.len() == (self.last - self.first + 1) * steps
+            && self
+                .training_leverages
+                .iter()
+                .all(|leverage| (0.0..f64::INFINITY).contains(leverage))
     }
 }
 
@@ -180,18 +208,46 @@ impl Model {
         let mut facts = facts(first, settings, scale, None, &fit);
         let positions = first.output_columns().iter().map(|column| format!("context_{column}"));
         facts.context_columns = std::iter::once("context_time_s".to_owned()).chain(positions).collect();
-        let leverages = training_leverages(&fit.leverages, &sequences, settings, steps);
         let mut model = Self::assemble(
             reservoir,
             fit,
             facts,
             Provenance::of(demonstrations),
-            leverages,
+            vec![0.0; steps],
             settings,
         )?;
         model.conditions = Some(conditions);
+        model.measure_training_leverages(demonstrations)?;
         model.calibrate(demonstrations)?;
         Ok(model)
+    }
+
+    /// Measures `h_train` under conditions at every step, and its largest over all of them.
+    fn measure_training_leverages(&mut self, demonstrations: &[Demonstration]) -> Result<(), ForecastError> {
+        let Some(Conditions { first, last, .. }) = self.conditions else {
+            return Ok(());
+        };
+        let mut forecaster = Forecaster::new(self);
+        let mut table = Vec::with_capacity((last - first + 1) * self.steps());
+        for at in first..=last {
+            let mut largest = vec![0.0_f64; self.steps()];
+            for position in demonstrations.iter().filter_map(|one| one.rows().nth(at)) {
+                let context = self.context_at(at as f64, position);
+                let forecast = forecaster.forecast(self, &context, at)?;
+                for (step, largest) in largest.iter_mut().enumerate() {
+                    *largest = largest.max(forecast.leverage(step.max(at)).unwrap_or(0.0));
+                }
+            }
+            table.extend(largest);
+        }
+        for row in table.chunks_exact(self.steps()) {
+            let overall = self.calibration.training_leverages.iter_mut();
+            overall.zip(row).for_each(|(overall, one)| *overall = overall.max(*one));
+        }
+        if let Some(conditions) = &mut self.conditions {
+            conditions.training_leverages = table;
+        }
+        Ok(())
     }
 
     /// Measures `ρ_hi` under the condition at the checkpoint.
@@ -286,26 +342,4 @@ fn sequences(
         }
     }
     sequences
-}
-
-/// The largest leverage of the clean demonstrations at each step, under any condition before it; steps that none
-/// covers take the first one that is.
-fn training_leverages(leverages: &[f64], sequences: &[Sequence], settings: &Settings, steps: usize) -> Vec<f64> {
-    let copies = settings.jitter.map_or(0, |jitter| jitter.copies);
-    let mut largest = vec![0.0_f64; steps];
-    let mut rest = leverages;
-    for (index, sequence) in sequences.iter().enumerate() {
-        let first = sequence.from.max(settings.washout).min(steps);
-        let (own, others) = rest.split_at((steps - first).min(rest.len()));
-        rest = others;
-        if index % (copies + 1) == 0 {
-            for (largest, leverage) in largest[first..].iter_mut().zip(own) {
-                *largest = largest.max(*leverage);
-            }
-        }
-    }
-    let covered = settings.checkpoint_step.max(settings.washout).min(steps);
-    let value = largest.get(covered).copied().unwrap_or(0.0);
-    largest[..covered].fill(value);
-    largest
 }

@@ -30,6 +30,7 @@ pub struct Step {
 pub struct Stepper {
     state: State,
     input: Vec<f64>,
+    context_time: Option<f64>,
     step: Step,
     next: usize,
 }
@@ -53,6 +54,7 @@ impl Stepper {
         Ok(Self {
             state,
             input,
+            context_time: model.context_time(context),
             step: Step {
                 index: 0,
                 mean,
@@ -82,7 +84,9 @@ impl Stepper {
         self.step.index = self.next;
         self.step.mean.resize(model.outputs(), 0.0);
         model.read(&self.state, &mut self.step.mean);
-        model.interval_into(&self.state, self.next, &mut self.step.interval);
+        let interval = &mut self.step.interval;
+        model.interval_into(&self.state, self.next, interval);
+        interval.ratio = model.ratio(self.context_time, self.next, interval.leverage);
         self.next += 1;
         Ok(&self.step)
     }

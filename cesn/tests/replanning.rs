@@ -5,7 +5,7 @@ mod planar;
 
 use std::sync::OnceLock;
 
-use tandem_cesn::{Forecaster, Model, Settings};
+use tandem_cesn::{Fed, Forecaster, Model, Settings, Stepper};
 
 fn model() -> &'static Model {
     static MODEL: OnceLock<Model> = OnceLock::new();
@@ -82,5 +82,40 @@ fn the_file_says_so_and_gives_the_same_forecasts() {
     assert_eq!(read.context_columns(), ["context_time_s", "context_x_m", "context_y_m"]);
     for wrong in [f64::NAN, f64::INFINITY, 1e300] {
         assert!(read.forecast(&[wrong, 0.4, 0.0], 50).is_err());
+    }
+}
+
+#[test]
+fn at_every_time_the_demonstrations_look_known_and_what_is_far_off_new() {
+    let mut forecaster = Forecaster::new(model());
+    let mut ratio = |at: u32, amplitude: f64, aside: f64| {
+        let [x, y] = planar::position(amplitude, at);
+        let context = model().context_at(f64::from(at), &[x, y + aside]);
+        let forecast = forecaster.forecast(model(), &context, at as usize).expect("legal");
+        forecast.ratio(at as usize).expect("the first step")
+    };
+    for at in (41..=81).step_by(4) {
+        let largest = planar::TRAINED.map(|amplitude| ratio(at, amplitude, 0.0));
+        let largest = largest.into_iter().fold(0.0, f64::max);
+        assert!(
+            (largest - 1.0).abs() < 1e-4,
+            "{at}: the demonstrations' own ratio is {largest}"
+        );
+        // Copies 10 mm off have taught departures of that size.
+        assert!(ratio(at, 0.12, 0.01) < 1.03, "{at}: {}", ratio(at, 0.12, 0.01));
+        assert!(ratio(at, 0.12, 0.06) > 1.2, "{at}: {}", ratio(at, 0.12, 0.06));
+    }
+}
+
+#[test]
+fn a_stepper_says_the_same_as_a_forecaster() {
+    let context = model().context_at(60.5, &[0.5, 0.0]);
+    let forecast = model().forecast(&context, 60).expect("legal");
+    let mut stepper = Stepper::new(model(), &context).expect("legal");
+    for step in 0..70 {
+        let one = stepper.advance(model(), Fed::Own).expect("within the movement");
+        if let Some(ratio) = forecast.ratio(step) {
+            assert!((one.interval.ratio - ratio).abs() < 1e-12, "{step}");
+        }
     }
 }

@@ -50,9 +50,7 @@ pub enum UnfitModel {
         columns: String,
     },
     /// Its context is no point in the plane.
-    #[error(
-        "the model's context has {found} numbers ({columns}); a checkpoint gives one point, x and y, and its time where the model asks for it"
-    )]
+    #[error("the model's context has {found} numbers ({columns}); a checkpoint gives one point, x and y")]
     Context {
         /// How many it has.
         found: usize,

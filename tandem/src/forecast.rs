@@ -1,7 +1,7 @@
 //! `tandem forecast`: what a model expects for a context.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use clap::Args;
@@ -54,7 +54,7 @@ pub(crate) fn run(flags: &ForecastFlags) -> anyhow::Result<Outcome> {
 }
 
 /// Reads a model file.
-pub(crate) fn load(path: &PathBuf) -> anyhow::Result<Model> {
+pub(crate) fn load(path: &Path) -> anyhow::Result<Model> {
     let bytes = fs::read(path).with_context(|| format!("cannot read the model {}", path.display()))?;
     Model::from_bytes(&bytes).with_context(|| format!("{} is not a model that can be used", path.display()))
 }
