@@ -280,6 +280,16 @@ impl Model {
         self.conditions.as_ref().map(|conditions| conditions.last)
     }
 
+    /// The first step that follows from `context`: the checkpoint's; of a model that is conditioned anew, the one under
+    /// way at the context's time.
+    #[must_use]
+    pub fn first_step(&self, context: &[f64]) -> usize {
+        let (first, last) = (self.checkpoint_step(), self.last_condition_step());
+        let time = self.context_time(context).zip(last);
+        // A time that was written in decimals may lie a hair before its step.
+        time.map_or(first, |(time, last)| ((time + 1e-6) as usize).clamp(first, last))
+    }
+
     /// The context of a movement that was at `position` at `step`, which may lie between two steps: with the time in
     /// front, in seconds, where the model wants to know it.
     #[must_use]

@@ -79,6 +79,9 @@ fn the_file_says_so_and_gives_the_same_forecasts() {
     let context = model().context_at(50.5, &[0.4, 0.02]);
     assert_eq!(model().forecast(&context, 50), read.forecast(&context, 50));
     assert_eq!(read.last_condition_step(), Some(81));
+    for (at, first) in [(43.0, 43), (50.5, 50), (0.0, 41), (1e9, 81), (f64::NAN, 41)] {
+        assert_eq!(read.first_step(&read.context_at(at, &[0.4, 0.02])), first);
+    }
     assert_eq!(read.context_columns(), ["context_time_s", "context_x_m", "context_y_m"]);
     for wrong in [f64::NAN, f64::INFINITY, 1e300] {
         assert!(read.forecast(&[wrong, 0.4, 0.0], 50).is_err());

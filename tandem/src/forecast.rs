@@ -25,7 +25,7 @@ pub(crate) struct ForecastFlags {
         allow_hyphen_values = true
     )]
     context: Vec<f64>,
-    /// The first step to print [default: the model's checkpoint].
+    /// The first step to print [default: the model's checkpoint; where the context holds a time, the step then].
     #[arg(long)]
     from: Option<usize>,
     /// Prints one JSON object.
@@ -38,7 +38,7 @@ pub(crate) struct ForecastFlags {
 
 pub(crate) fn run(flags: &ForecastFlags) -> anyhow::Result<Outcome> {
     let model = load(&flags.model)?;
-    let first = flags.from.unwrap_or_else(|| model.checkpoint_step());
+    let first = flags.from.unwrap_or_else(|| model.first_step(&flags.context));
     let forecast = model.forecast(&flags.context, first)?;
     if flags.json {
         println!(
