@@ -1,13 +1,14 @@
 //! The step machine: one named handler per event, and the arbitration that they lead to.
 
 use tandem_wire::{
-    Command, Envelope, Finite, Limited, Malformed, Memory, Node, Numbering, Outbox, Pace, Proposal, Reason, Refusal,
-    Remember, Session, Setpoint, Stamp, State, Timing, Unreadable, Vec3,
+    Claim, Command, Emergency, Envelope, Finite, Label, Latch, Limited, Malformed, Memory, Motion, Node, Numbering,
+    Outbox, Pace, Proposal, Reason, Refusal, Remember, Session, Setpoint, Stamp, State, Timing, Unreadable, Vec3,
 };
 
 use crate::authority::{Authority, Helm};
 use crate::config::{ArbiterSettings, WorkspaceTurnedOver};
 use crate::hearing::{Change, Hearing};
+use crate::lease::Tenure;
 use crate::limits::Limits;
 use crate::weight::Weight;
 
@@ -24,6 +25,10 @@ pub enum Event {
     Proposal(Envelope<Proposal>),
     /// The robot's state.
     State(Envelope<State>),
+    /// An operator says something about the lease.
+    Claim(Envelope<Claim>),
+    /// An emergency stop, or its end.
+    Emergency(Envelope<Emergency>),
     /// Bytes that are no message.
     Unreadable(Unreadable),
     /// The deadline has come.
@@ -50,6 +55,8 @@ pub struct Arbiter {
     helm: Helm,
     weight: Weight,
     limits: Limits,
+    latch: Latch,
+    supervisors: Vec<Label>,
     /// When the last setpoint was sent.
     sent: Option<Stamp>,
     /// The last tick answered in lockstep.
@@ -68,10 +75,12 @@ impl Arbiter {
         Ok(Self {
             timing,
             numbering: Numbering::new(session),
-            hearing: Hearing::new(&timing),
+            hearing: Hearing::new(&timing, settings.terms()),
             helm: Helm::new(),
             weight: Weight::new(settings.weight_rules(&timing)),
             limits: Limits::new(settings.bounds(&timing)?),
+            latch: Latch::default(),
+            supervisors: settings.supervisors.iter().map(|name| Label::new(name)).collect(),
             sent: None,
             answered: None,
         })
@@ -86,10 +95,12 @@ impl Arbiter {
     fn on_command(&mut self, now: Stamp, command: &Envelope<Command>, outbox: &mut Outbox<Output>) {
         match self.hearing.admit_command(now, command) {
             Err(why) => return self.hearing.refuse(why),
-            Ok(Change::Anew) => self.helm.change_hands(),
-            Ok(Change::None) => {}
+            Ok(Tenure::Watching) => return,
+            Ok(Tenure::Anew { pressed: true }) => self.helm.hand_over(),
+            Ok(Tenure::Anew { pressed: false } | Tenure::GivenUp) => self.helm.change_hands(),
+            Ok(Tenure::Same) => {}
         }
-        match self.hearing.forbidden(now) {
+        match self.forbidden(now) {
             None => self.helm.hear(command.body.deadman),
             // A loss was noticed before this command was looked at.
             Some(reason) => drop(self.helm.stop(reason)),
@@ -98,6 +109,37 @@ impl Arbiter {
             Pace::Real => self.publish(now, outbox),
             Pace::Lockstep => self.answer_tick(now, outbox),
         }
+    }
+
+    fn on_claim(&mut self, now: Stamp, claim: &Envelope<Claim>, outbox: &mut Outbox<Output>) {
+        let may_take_over = self.supervisors.contains(&claim.body.name);
+        let reason = match self.hearing.operators_mut().claim(now, claim, may_take_over) {
+            Err(why) => return self.hearing.refuse(why),
+            Ok(Tenure::Same | Tenure::Watching) => return,
+            Ok(Tenure::Anew { .. }) => Reason::SecondOperator,
+            Ok(Tenure::GivenUp) => Reason::NoLease,
+        };
+        self.helm.change_hands();
+        self.stop(now, reason, outbox);
+    }
+
+    fn on_emergency(&mut self, now: Stamp, emergency: &Envelope<Emergency>, outbox: &mut Outbox<Output>) {
+        if self.latch.hear(emergency) {
+            self.stop(now, self.latch.reason().unwrap_or(Reason::AwaitingPress), outbox);
+        }
+    }
+
+    /// Stops, and says so at once. In lockstep the next setpoint says so.
+    fn stop(&mut self, now: Stamp, reason: Reason, outbox: &mut Outbox<Output>) {
+        self.helm.stop(reason);
+        if self.timing.pace == Pace::Real {
+            self.publish(now, outbox);
+        }
+    }
+
+    /// What forbids motion now, whoever presses.
+    fn forbidden(&self, now: Stamp) -> Option<Reason> {
+        self.latch.reason().or_else(|| self.hearing.forbidden(now))
     }
 
     fn on_proposal(&mut self, now: Stamp, proposal: &Envelope<Proposal>, outbox: &mut Outbox<Output>) {
@@ -116,6 +158,7 @@ impl Arbiter {
             }
             Ok(Change::None) => {}
         }
+        self.latch.hear_of(state.body.motion);
         self.answer_tick(now, outbox);
     }
 
@@ -133,10 +176,13 @@ impl Arbiter {
     /// Looks for losses before anything else, so that no event slips in under a stream that is already gone.
     fn watch(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         if self.timing.pace == Pace::Real
-            && let Some(reason) = self.hearing.forbidden(now)
+            && let Some(reason) = self.forbidden(now)
             && self.helm.stop(reason)
         {
             self.publish(now, outbox);
+        }
+        if self.hearing.expire_lease(now) {
+            self.helm.change_hands();
         }
     }
 
@@ -161,6 +207,11 @@ impl Arbiter {
 
     fn publish(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         self.sent = Some(now);
+        if let Some(reason) = self.latch.reason()
+            && self.helm.authority() != Authority::Closed
+        {
+            self.helm.stop(reason);
+        }
         let tick = self.hearing.robot().map_or(0, |robot| robot.tick);
         let setpoint = self.arbitrate(now);
         outbox.push(Output::Setpoint(self.numbering.envelope(now, tick, setpoint)));
@@ -178,7 +229,8 @@ impl Arbiter {
         let (velocity, limited) = self.limit(now, blended);
         Setpoint {
             velocity,
-            motion: self.helm.authority().motion(),
+            motion: self.motion(),
+            lease: self.hearing.operators().lease(),
             law: self.weight.law(),
             weight: Finite(weight),
             human,
@@ -190,6 +242,13 @@ impl Arbiter {
             seen: self.hearing.robot().map(|robot| robot.id),
             refused: self.hearing.refused(),
         }
+    }
+
+    /// What the setpoint says about motion. An emergency stop is told to the last: the robot may not have heard of it.
+    fn motion(&self) -> Motion {
+        self.latch
+            .reason()
+            .map_or_else(|| self.helm.authority().motion(), Motion::Held)
     }
 
     fn limit(&mut self, now: Stamp, blended: Vec3) -> (Vec3, Limited) {
@@ -207,7 +266,12 @@ impl Arbiter {
 fn is_silence(reason: Reason) -> bool {
     matches!(
         reason,
-        Reason::NoCommandYet | Reason::CommandLost { .. } | Reason::StateLost { .. } | Reason::LoopTooOld
+        Reason::NoCommandYet
+            | Reason::CommandLost { .. }
+            | Reason::StateLost { .. }
+            | Reason::LoopTooOld
+            | Reason::NoLease
+            | Reason::EmergencyStop { .. }
     )
 }
 
@@ -220,6 +284,8 @@ impl Remember for Arbiter {
             helm,
             weight,
             limits,
+            latch,
+            supervisors: _,
             sent,
             answered,
         } = self;
@@ -228,6 +294,7 @@ impl Remember for Arbiter {
         helm.remember(memory)?;
         weight.remember(memory)?;
         limits.remember(memory)?;
+        memory.part(latch)?;
         memory.part(sent)?;
         memory.part(answered)
     }
@@ -246,6 +313,8 @@ impl Node for Arbiter {
             Event::Command(command) => self.on_command(now, &command, outbox),
             Event::Proposal(proposal) => self.on_proposal(now, &proposal, outbox),
             Event::State(state) => self.on_state(now, &state, outbox),
+            Event::Claim(claim) => self.on_claim(now, &claim, outbox),
+            Event::Emergency(emergency) => self.on_emergency(now, &emergency, outbox),
             Event::Unreadable(_) => self.hearing.refuse(Refusal::Unreadable),
             Event::Wake => self.on_wake(now, outbox),
             Event::Presence => {}

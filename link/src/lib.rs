@@ -26,6 +26,7 @@ mod answer;
 pub mod clock;
 pub mod config;
 mod declared;
+mod dropped;
 mod faults;
 pub mod impairment;
 mod journal;
@@ -37,6 +38,7 @@ mod spool;
 
 pub use clock::{Clock, fresh_session};
 pub use config::{LinkSettings, LoopSettings, TaskSettings};
+pub use dropped::Dropped;
 pub use faults::Faults;
 pub use impairment::{Direction, Impairment, ImpairmentSettings};
 pub use journal::JournalReport;

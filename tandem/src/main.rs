@@ -1,7 +1,12 @@
 //! `tandem`: the whole stack behind one command. One module per subcommand, nothing clever.
 
+// First: its macros stand in for the ones of std in all modules that follow.
+#[macro_use]
+mod speaking;
+
 mod configuration;
 mod demo;
+mod estop;
 mod forecast;
 mod interrupt;
 mod nodes;
@@ -40,6 +45,8 @@ struct Arguments {
 enum Subcommands {
     /// Runs the whole loop in this process: a simulated human and CESN+ steer a Panda around two obstacles.
     Demo(demo::DemoFlags),
+    /// Stops a robot at once, whoever drives it; --clear lets it go again.
+    Estop(estop::EstopFlags),
     /// Runs the operator's node: where commands come from.
     Operator(nodes::OperatorFlags),
     /// Runs the predictor's node: what the robot would do, and how sure it is.
@@ -94,8 +101,19 @@ pub(crate) enum Outcome {
 }
 
 fn main() -> ExitCode {
+    let code = run();
+    if speaking::kept() {
+        code
+    } else {
+        eprintln!("tandem: the output could not be written whole");
+        ExitCode::from(1)
+    }
+}
+
+fn run() -> ExitCode {
     let result = match Arguments::parse().command {
         Subcommands::Demo(flags) => demo::run(&flags),
+        Subcommands::Estop(flags) => estop::run(&flags),
         Subcommands::Operator(flags) => nodes::operator(&flags),
         Subcommands::Predictor(flags) => nodes::predictor(&flags),
         Subcommands::Arbiter(flags) => nodes::arbiter(&flags),
