@@ -141,6 +141,13 @@ impl Link {
         &self.robot
     }
 
+    /// Whether anybody is connected at all: without, what is published reaches nobody, and Zenoh does not mind.
+    #[must_use]
+    pub fn is_connected(&self) -> bool {
+        let info = self.session.info();
+        info.routers_zid().wait().next().is_some() || info.peers_zid().wait().next().is_some()
+    }
+
     /// Closes the session; what was published before is on its way.
     pub fn close(&self) {
         // A session that is closed already, or whose peer is gone, is what we want.

@@ -168,10 +168,10 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
     let report = show.end();
     played?;
     report.print(flags.json, flags.rrd.as_deref(), &recording, began.elapsed());
-    Ok(if report.lost > 0 {
-        Outcome::SamplesLost
-    } else {
-        Outcome::Done
+    Ok(match report {
+        Report { was_there: false, .. } => Outcome::Failed,
+        Report { lost: 1.., .. } => Outcome::SamplesLost,
+        Report { .. } => Outcome::Done,
     })
 }
 
@@ -235,7 +235,10 @@ fn network(flags: &ReplayFlags, recording: &Recording) -> anyhow::Result<Target>
         _ => Pace::Real,
     };
     let link = Link::open(&settings)?;
-    Ok(Target::Network(Network::open(link, pace, flags.rename.clone())?))
+    // Without --listen and --connect it connects to the place where the others usually are.
+    let dials = settings.listen.is_empty() || !settings.connect.is_empty();
+    let network = Network::open(link, pace, flags.rename.clone(), dials)?;
+    Ok(Target::Network(network))
 }
 
 /// When each message happened on the session's time axis, from the first one on: by arrival, or in lockstep, whose
@@ -401,11 +404,13 @@ impl<'a> Show<'a> {
         self.bar.finish_and_clear();
         self.keyboard = None;
         self.late.sort_unstable();
+        let closing = self.target.close();
         Report {
             played: self.played,
             passes: self.passes,
             is_paced: self.player.speed() != Speed::Max,
-            lost: self.target.close(),
+            lost: closing.lost,
+            was_there: closing.was_there,
             late: self.late,
         }
     }

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
 use tandem_link::{Link, Observer, Sighting};
-use tandem_recorder::{Provenance, Recorded, Recorder, RecorderConfig, Sinks};
+use tandem_recorder::{Notice, Provenance, Recorded, Recorder, RecorderConfig, Sinks};
 use tandem_wire::{Input, Node, NodeName, Outbox, Pace, Ports, Stamp, Timing, Topic};
 
 /// How long a file may take to be written to its end.
@@ -13,6 +13,8 @@ const FILE_CLOSE_LIMIT: Duration = Duration::from_secs(30);
 const VIEWER_CLOSE_LIMIT: Duration = Duration::from_secs(2);
 /// How long a target that takes nothing is waited for.
 const STALL: Duration = Duration::from_secs(5);
+/// How often it is seen to that somebody is connected.
+const LOOK_EVERY: Duration = Duration::from_millis(250);
 /// A message becomes at most this many outputs.
 const OUTPUTS: usize = 16;
 /// How long a robot of that name has to show itself.
@@ -51,16 +53,22 @@ impl Target {
         }
     }
 
-    /// Ends it, and says how many messages were lost on the way.
-    pub(super) fn close(self) -> u64 {
+    /// Ends it, and says what became of it.
+    pub(super) fn close(self) -> Closing {
         match self {
             Self::View(screen) => screen.close(),
-            Self::Network(network) => {
-                network.link.close();
-                0
-            }
+            Self::Network(network) => network.close(),
         }
     }
+}
+
+/// How a target ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Closing {
+    /// Messages that were lost on the way.
+    pub(super) lost: u64,
+    /// Whether the target was there to the end.
+    pub(super) was_there: bool,
 }
 
 /// The recorder's own view, fed by a recorder that hears the session once more.
@@ -75,7 +83,7 @@ pub(super) struct Screen {
     waits: bool,
     is_file: bool,
     last: Stamp,
-    lost: u64,
+    closing: Closing,
 }
 
 impl Screen {
@@ -96,7 +104,10 @@ impl Screen {
             waits,
             is_file,
             last: Stamp(0),
-            lost: 0,
+            closing: Closing {
+                lost: 0,
+                was_there: true,
+            },
         })
     }
 
@@ -114,6 +125,11 @@ impl Screen {
                 sinks.handle(output);
             }
             for notice in sinks.notices() {
+                // Who closes the viewer wants no more; a session that is played again is cheap.
+                if let Notice::ViewerGone { url } = notice {
+                    self.closing.was_there = false;
+                    bail!("the viewer at {url} has gone; start it, and the replay again");
+                }
                 eprintln!("replay: {notice}\r");
             }
         }
@@ -137,6 +153,7 @@ impl Screen {
     /// A new recording in the viewer: the old one keeps what was shown.
     fn begin_again(&mut self) -> anyhow::Result<()> {
         self.finish();
+        self.closing.was_there = true;
         self.provenance.epoch_unix_nanos += 1;
         self.sinks = Some(Sinks::open(&self.config, self.timing, &self.provenance)?);
         self.recorder = Recorder::new(self.timing);
@@ -148,25 +165,30 @@ impl Screen {
         // The last counts; a target that no longer takes them is said below.
         let _ = self.feed(self.last, Input::Stop);
         if let Some(sinks) = self.sinks.take() {
-            let closed = sinks.close(if self.is_file {
-                FILE_CLOSE_LIMIT
-            } else {
-                VIEWER_CLOSE_LIMIT
+            let closed = sinks.close(match self.is_file {
+                true => FILE_CLOSE_LIMIT,
+                // Said already, and nobody to wait for.
+                false if !self.closing.was_there => Duration::ZERO,
+                false => VIEWER_CLOSE_LIMIT,
             });
+            if !self.closing.was_there {
+                return;
+            }
             for notice in &closed.notices {
+                self.closing.was_there &= !matches!(notice, Notice::ViewerMissed { .. });
                 eprintln!("replay: {notice}\r");
             }
             let unfinished = closed.sinks.iter().filter(|ended| ended.messages.is_none());
             for ended in unfinished.clone() {
                 eprintln!("replay: {} did not take everything in time\r", ended.sink);
             }
-            self.lost += closed.drops.views.total() + unfinished.count() as u64;
+            self.closing.lost += closed.drops.views.total() + unfinished.count() as u64;
         }
     }
 
-    fn close(mut self) -> u64 {
+    fn close(mut self) -> Closing {
         self.finish();
-        self.lost
+        self.closing
     }
 }
 
@@ -192,11 +214,13 @@ pub(super) struct Network {
     /// What a topic is called instead.
     names: Vec<(Topic, String)>,
     pass: u64,
+    /// When it was last seen to that somebody is connected; never, where others come to us.
+    looked: Option<Instant>,
 }
 
 impl Network {
     /// Refuses a name under which a robot is alive: two would speak as one.
-    pub(super) fn open(link: Link, pace: Pace, names: Vec<(Topic, String)>) -> anyhow::Result<Self> {
+    pub(super) fn open(link: Link, pace: Pace, names: Vec<(Topic, String)>, dials: bool) -> anyhow::Result<Self> {
         if let Some(peer) = present(&link)?.first() {
             bail!(
                 "a {peer} is alive as {:?}: choose another --robot name",
@@ -208,10 +232,17 @@ impl Network {
             pace,
             names,
             pass: 0,
+            looked: dials.then(Instant::now),
         })
     }
 
-    fn play(&self, message: &Recorded) -> anyhow::Result<()> {
+    fn play(&mut self, message: &Recorded) -> anyhow::Result<()> {
+        if let Some(looked) = self.looked.as_mut().filter(|looked| looked.elapsed() > LOOK_EVERY) {
+            *looked = Instant::now();
+            if !self.link.is_connected() {
+                bail!("the network has gone: nobody is connected any more; start the other side, and the replay again");
+            }
+        }
         if !SHOWN.contains(&message.topic) {
             return Ok(());
         }
@@ -222,6 +253,15 @@ impl Network {
         self.link
             .publish_as(&name, message.topic.delivery(), self.pace, bytes)
             .with_context(|| format!("cannot replay {}", message.topic))
+    }
+
+    fn close(self) -> Closing {
+        let was_there = self.looked.is_none() || self.link.is_connected();
+        if !was_there {
+            eprintln!("replay: at the end nobody was connected\r");
+        }
+        self.link.close();
+        Closing { lost: 0, was_there }
     }
 
     /// A second pass is another run of its sender, or every receiver would drop it as late. The first travels as it was.
