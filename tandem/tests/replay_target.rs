@@ -111,7 +111,7 @@ fn a_network_that_vanishes_ends_the_replay_in_words() {
 
 #[test]
 fn nobody_at_the_other_end_does_not_hold_up_ctrl_c() {
-    let mut child = replay(&endpoint());
+    let mut child = ghost(&endpoint());
     let mut line = String::new();
     let stderr = child.stderr.as_mut().expect("it is piped");
     BufReader::new(stderr).read_line(&mut line).expect("text");
