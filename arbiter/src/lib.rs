@@ -35,6 +35,7 @@
 #![forbid(unsafe_code)]
 
 mod authority;
+mod barrier;
 mod config;
 mod hearing;
 mod limits;

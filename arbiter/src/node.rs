@@ -1,11 +1,12 @@
 //! The step machine: one named handler per event, and the arbitration that they lead to.
 
 use tandem_wire::{
-    Command, Envelope, Finite, Limited, Malformed, Memory, Node, Numbering, Outbox, Pace, Proposal, Reason, Refusal,
-    Remember, Session, Setpoint, Stamp, State, Timing, Unreadable, Vec3,
+    Command, Deadman, Envelope, Finite, Limited, Malformed, Memory, Node, Numbering, Outbox, Pace, Proposal, Reason, Refusal,
+    Remember, Session, Setpoint, Stamp, State, Timing, Topic, Unreadable, Vec3,
 };
 
 use crate::authority::{Authority, Helm};
+use crate::barrier::{Barrier, Complete};
 use crate::config::{ArbiterSettings, WorkspaceTurnedOver};
 use crate::hearing::{Change, Hearing};
 use crate::limits::Limits;
@@ -32,6 +33,13 @@ pub enum Event {
     Presence,
     /// The process is about to end.
     Stop,
+    /// In lockstep: the sample of a tick does not come now.
+    Missed {
+        /// Whose sample.
+        topic: Topic,
+        /// Which tick's.
+        tick: u32,
+    },
 }
 
 /// Everything that the arbiter can cause.
@@ -52,8 +60,7 @@ pub struct Arbiter {
     limits: Limits,
     /// When the last setpoint was sent.
     sent: Option<Stamp>,
-    /// The last tick answered in lockstep.
-    answered: Option<u32>,
+    barrier: Barrier,
 }
 
 /// No hand and no arm is this fast, in metres per second; beyond it a blend could overflow.
@@ -73,7 +80,7 @@ impl Arbiter {
             weight: Weight::new(settings.weight_rules(&timing)),
             limits: Limits::new(settings.bounds(&timing)?),
             sent: None,
-            answered: None,
+            barrier: Barrier::default(),
         })
     }
 
@@ -84,30 +91,71 @@ impl Arbiter {
     }
 
     fn on_command(&mut self, now: Stamp, command: &Envelope<Command>, outbox: &mut Outbox<Output>) {
+        let tick = command.header.tick;
+        let silent = self.hearing.command_silence(now);
         match self.hearing.admit_command(now, command) {
-            Err(why) => return self.hearing.refuse(why),
+            Err(why) => {
+                self.hearing.refuse(why);
+                if why == Refusal::LoopTooOld {
+                    // The operator has answered its tick all the same.
+                    self.barrier.command.come(tick);
+                    self.answer_tick(now, outbox);
+                }
+                return;
+            }
             Ok(Change::Anew) => self.helm.change_hands(),
             Ok(Change::None) => {}
         }
+        match self.timing.pace {
+            Pace::Real => {
+                self.hear(now, command.body.deadman);
+                self.publish(now, outbox);
+            }
+            Pace::Lockstep if self.barrier.command.is_late(tick) => {
+                self.stop_after(silent);
+                self.hear(now, command.body.deadman);
+            }
+            Pace::Lockstep => {
+                self.barrier.command.come(tick);
+                self.barrier.keep_command_loss(silent);
+                self.barrier.keep_deadman(command.body.deadman);
+                self.answer_tick(now, outbox);
+            }
+        }
+    }
+
+    fn hear(&mut self, now: Stamp, deadman: Deadman) {
         match self.hearing.forbidden(now) {
-            None => self.helm.hear(command.body.deadman),
+            None => self.helm.hear(deadman),
             // A loss was noticed before this command was looked at.
             Some(reason) => drop(self.helm.stop(reason)),
         }
-        match self.timing.pace {
-            Pace::Real => self.publish(now, outbox),
-            Pace::Lockstep => self.answer_tick(now, outbox),
+    }
+
+    /// A stream that is heard again had been lost: whatever is pressed by now does not count.
+    fn stop_after(&mut self, loss: Option<Reason>) {
+        if let Some(reason) = loss {
+            self.helm.stop(reason);
         }
     }
 
     fn on_proposal(&mut self, now: Stamp, proposal: &Envelope<Proposal>, outbox: &mut Outbox<Output>) {
         match self.hearing.admit_proposal(now, proposal) {
-            Err(why) => self.hearing.refuse(why),
-            Ok(()) => self.answer_tick(now, outbox),
+            Err(why) => {
+                self.hearing.refuse(why);
+                if why != Refusal::LoopTooOld {
+                    return;
+                }
+            }
+            Ok(()) => {}
         }
+        self.barrier.proposal.come(proposal.header.tick);
+        self.answer_tick(now, outbox);
     }
 
     fn on_state(&mut self, now: Stamp, state: &Envelope<State>, outbox: &mut Outbox<Output>) {
+        let tick = state.header.tick;
+        let silent = self.hearing.state_loss(now);
         match self.hearing.admit_state(now, state) {
             Err(why) => return self.hearing.refuse(why),
             Ok(Change::Anew) => {
@@ -115,6 +163,28 @@ impl Arbiter {
                 self.limits.forget();
             }
             Ok(Change::None) => {}
+        }
+        if self.timing.pace == Pace::Real {
+            return;
+        }
+        if self.barrier.state.is_late(tick) {
+            return self.stop_after(silent);
+        }
+        self.barrier.state.come(tick);
+        self.barrier.keep_state_loss(silent);
+        self.answer_tick(now, outbox);
+    }
+
+    /// In lockstep: a sample does not come in time. Its tick is answered with what was heard before, by its age.
+    fn on_missed(&mut self, now: Stamp, topic: Topic, tick: u32, outbox: &mut Outbox<Output>) {
+        match topic {
+            Topic::Command => self.barrier.command.miss(tick),
+            Topic::Proposal => self.barrier.proposal.miss(tick),
+            Topic::State => {
+                self.barrier.state.miss(tick);
+                self.hearing.miss_state(tick);
+            }
+            _ => {}
         }
         self.answer_tick(now, outbox);
     }
@@ -150,18 +220,29 @@ impl Arbiter {
         }
     }
 
-    /// In lockstep, answers once state, command and proposal of one tick are there.
+    /// In lockstep, answers once state, command and proposal of one tick are there, or known not to come.
     fn answer_tick(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
-        let tick = self.hearing.complete_tick();
-        if self.timing.pace == Pace::Lockstep && tick.is_some() && tick != self.answered {
-            self.answered = tick;
-            self.publish(now, outbox);
+        if self.timing.pace != Pace::Lockstep {
+            return;
         }
+        let Some(Complete { tick, deadman, loss }) = self.barrier.complete() else {
+            return;
+        };
+        self.stop_after(loss);
+        match deadman {
+            Some(deadman) => self.hear(now, deadman),
+            None => self.stop_after(self.hearing.forbidden(now)),
+        }
+        self.publish_for(now, tick, outbox);
     }
 
     fn publish(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
-        self.sent = Some(now);
         let tick = self.hearing.robot().map_or(0, |robot| robot.tick);
+        self.publish_for(now, tick, outbox);
+    }
+
+    fn publish_for(&mut self, now: Stamp, tick: u32, outbox: &mut Outbox<Output>) {
+        self.sent = Some(now);
         let setpoint = self.arbitrate(now);
         outbox.push(Output::Setpoint(self.numbering.envelope(now, tick, setpoint)));
     }
@@ -221,7 +302,7 @@ impl Remember for Arbiter {
             weight,
             limits,
             sent,
-            answered,
+            barrier,
         } = self;
         numbering.remember(memory)?;
         hearing.remember(memory)?;
@@ -229,7 +310,7 @@ impl Remember for Arbiter {
         weight.remember(memory)?;
         limits.remember(memory)?;
         memory.part(sent)?;
-        memory.part(answered)
+        barrier.remember(memory)
     }
 }
 
@@ -249,6 +330,7 @@ impl Node for Arbiter {
             Event::Unreadable(_) => self.hearing.refuse(Refusal::Unreadable),
             Event::Wake => self.on_wake(now, outbox),
             Event::Presence => {}
+            Event::Missed { topic, tick } => self.on_missed(now, topic, tick, outbox),
             Event::Stop => self.on_stop(now, outbox),
         }
     }

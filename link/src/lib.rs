@@ -24,6 +24,7 @@
 pub mod clock;
 pub mod config;
 mod declared;
+mod arrival;
 pub mod impairment;
 mod journal;
 pub mod net;
@@ -32,6 +33,7 @@ pub mod run;
 
 pub use clock::{Clock, fresh_session};
 pub use config::{LinkSettings, LoopSettings, TaskSettings};
+pub use arrival::Arrival;
 pub use impairment::{Direction, Impairment, ImpairmentSettings};
 pub use journal::JournalReport;
 pub use net::{Link, LinkError};

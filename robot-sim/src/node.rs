@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use tandem_wire::{
     Envelope, MILLISECOND, Malformed, Memory, Motion, Node, Numbering, Outbox, Pace, Reason, Refusal, Remember, Scene,
-    Session, Setpoint, Stamp, State, Timing, Trial, Unreadable,
+    Session, Setpoint, Stamp, State, Timing, Topic, Trial, Unreadable,
 };
 
 use crate::config::{RobotSimSettings, Surroundings, UnusableScene};
@@ -32,6 +32,13 @@ pub enum Event {
     Presence,
     /// The process is about to end.
     Stop,
+    /// In lockstep: the sample of a tick does not come now.
+    Missed {
+        /// Whose sample.
+        topic: Topic,
+        /// Which tick's.
+        tick: u32,
+    },
 }
 
 /// Everything that the robot can cause.
@@ -112,6 +119,28 @@ impl RobotSim {
         self.inner.arm()
     }
 
+    /// In lockstep: a setpoint that a bad line kept back comes within the period that has to do without it.
+    fn on_late_setpoint(&mut self, at: Stamp, setpoint: Envelope<Setpoint>) {
+        self.catch_up(at);
+        match self.hearing.admit(at, &setpoint) {
+            Err(why) => self.hearing.refuse(why),
+            Ok(motion) => self.obey(at, motion, setpoint),
+        }
+    }
+
+    /// In lockstep: the setpoint of this period does not come any more. The arm goes on under the one before, by its age.
+    fn on_missed(&mut self, topic: Topic, tick: u32, outbox: &mut Outbox<Output>) {
+        if topic == Topic::Setpoint && self.in_step && tick == self.tick {
+            self.finish_period(outbox);
+        }
+    }
+
+    /// Whether an instant of the shell's lies within the period at hand, behind its begin. The robot's own time does not.
+    fn is_within_period(&self, at: Stamp) -> bool {
+        let [begin, end] = [self.tick, self.tick.saturating_add(1)].map(|tick| Stamp::of_tick(tick, self.timing.period));
+        self.in_step && begin < at && at <= end
+    }
+
     fn on_setpoint(&mut self, now: Stamp, setpoint: Envelope<Setpoint>, outbox: &mut Outbox<Output>) {
         let lockstep = self.timing.pace == Pace::Lockstep;
         // Decoding lets no such number in; an event made in this process may hold one.
@@ -122,16 +151,26 @@ impl RobotSim {
             return self.hearing.refuse(Refusal::OutOfOrder);
         }
         match self.hearing.admit(now, &setpoint) {
-            Err(why) => return self.hearing.refuse(why),
-            Ok(motion) => self.motion = motion,
+            Err(why) => {
+                self.hearing.refuse(why);
+                let answers = lockstep && why == Refusal::LoopTooOld && self.hearing.listens_to(&setpoint.header);
+                if !answers {
+                    return;
+                }
+            }
+            Ok(motion) => self.obey(now, motion, setpoint),
         }
+        if lockstep {
+            self.finish_period(outbox);
+        }
+    }
+
+    fn obey(&mut self, now: Stamp, motion: Motion, setpoint: Envelope<Setpoint>) {
+        self.motion = motion;
         if setpoint.body.motion.is_permitted() && self.trial.number == 0 {
             self.hold(Reason::NoTrial);
         }
         self.inner.obey(setpoint, now);
-        if lockstep {
-            self.finish_period(outbox);
-        }
     }
 
     fn on_trial(&mut self, trial: &Envelope<Trial>) {
@@ -144,6 +183,7 @@ impl RobotSim {
     fn on_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         self.hold(Reason::ShuttingDown);
         self.publish_state(now, outbox);
+        self.in_step = false;
         let mut left = self.surroundings.stop_ticks_max;
         while left > 0 && !self.inner.is_idle() {
             // In lockstep time stands still, and there is only one more state to tell.
@@ -200,9 +240,9 @@ impl RobotSim {
         !self.motion.is_permitted() && self.inner.is_idle()
     }
 
-    /// The watchdog, asked at every inner tick. In lockstep silence is waited for, not timed.
+    /// The watchdog, asked at every inner tick. In lockstep only a bad line makes silence, and virtual time tells it.
     fn watch(&mut self, now: Stamp) {
-        if self.timing.pace == Pace::Real
+        if (self.timing.pace == Pace::Real || self.in_step)
             && let Some(reason) = self.hearing.newly_lost(now)
         {
             self.motion = Motion::Held(reason);
@@ -335,15 +375,18 @@ impl Node for RobotSim {
         if self.closed {
             return;
         }
-        let now = self.time(now);
+        let within = self.is_within_period(now);
+        let (at, now) = (now, self.time(now));
         if self.timing.pace == Pace::Real {
             self.catch_up(now);
             self.tick = u32::try_from(now.0 / self.timing.period.max(1)).unwrap_or(u32::MAX);
         }
         match event {
+            Event::Setpoint(setpoint) if within => self.on_late_setpoint(at, setpoint),
             Event::Setpoint(setpoint) => self.on_setpoint(now, setpoint, outbox),
             Event::Trial(trial) => self.on_trial(&trial),
             Event::Unreadable(_) => self.hearing.refuse(Refusal::Unreadable),
+            Event::Missed { topic, tick } => self.on_missed(topic, tick, outbox),
             Event::Wake | Event::Presence => {}
             Event::Stop => return self.on_stop(now, outbox),
         }

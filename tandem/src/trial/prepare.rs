@@ -100,7 +100,11 @@ impl Prepared {
         // Every trial has a bad line of its own, the same under every condition that has this one.
         line.seed = (line.seed ^ slot.seed) & i64::MAX.unsigned_abs();
         // A plan tells outages from the trial's begin, which is about now; a receiver by its clock.
-        let now = Clock::of_process().now().seconds();
+        let now = match rates.pace {
+            PaceName::Real => Clock::of_process().now(),
+            PaceName::Max => Stamp::of_tick(begin.first_tick, rates.timing().period),
+        };
+        let now = now.seconds();
         for [begin, _] in &mut line.outages_s {
             *begin += now;
         }
