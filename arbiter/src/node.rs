@@ -1,8 +1,8 @@
 //! The step machine: one named handler per event, and the arbitration that they lead to.
 
 use tandem_wire::{
-    Command, Deadman, Envelope, Finite, Limited, Malformed, Memory, Node, Numbering, Outbox, Pace, Proposal, Reason, Refusal,
-    Remember, Session, Setpoint, Stamp, State, Timing, Topic, Unreadable, Vec3,
+    Command, Deadman, Envelope, Finite, Limited, Malformed, Memory, Node, Numbering, Outbox, Pace, Proposal, Reason,
+    Refusal, Remember, Session, Setpoint, Stamp, State, Timing, Topic, Unreadable, Vec3,
 };
 
 use crate::authority::{Authority, Helm};

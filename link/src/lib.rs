@@ -21,19 +21,19 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+mod arrival;
 pub mod clock;
 pub mod config;
 mod declared;
-mod arrival;
 pub mod impairment;
 mod journal;
 pub mod net;
 mod observer;
 pub mod run;
 
+pub use arrival::Arrival;
 pub use clock::{Clock, fresh_session};
 pub use config::{LinkSettings, LoopSettings, TaskSettings};
-pub use arrival::Arrival;
 pub use impairment::{Direction, Impairment, ImpairmentSettings};
 pub use journal::JournalReport;
 pub use net::{Link, LinkError};

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use bincode::{Decode, Encode};
 use tandem_cesn::{Forecaster, Model};
 use tandem_wire::{
-    Envelope, Forecast, Guidance, Header, Malformed, Memory, Node, Numbering, Outbox, Pace, Proposal, Refusal, Refusals,
-    Remember, Session, Stamp, State, StateGuard, TaskFrame, Timing, Topic, Unreadable,
+    Envelope, Forecast, Guidance, Header, Malformed, Memory, Node, Numbering, Outbox, Pace, Proposal, Refusal,
+    Refusals, Remember, Session, Stamp, State, StateGuard, TaskFrame, Timing, Topic, Unreadable,
 };
 
 use crate::checkpoint::{Crossing, Lookout, Plane};

@@ -6,8 +6,8 @@
 
 use bincode::{Decode, Encode};
 use tandem_wire::{
-    Deadman, Echoes, Envelope, Guard, Header, Malformed, Memory, MessageId, Motion, Nanos, Rearm, Reason, Refusal, Refusals,
-    Remember, Seq, Setpoint, Stamp, Timing,
+    Deadman, Echoes, Envelope, Guard, Header, Malformed, Memory, MessageId, Motion, Nanos, Rearm, Reason, Refusal,
+    Refusals, Remember, Seq, Setpoint, Stamp, Timing,
 };
 
 /// The stream of setpoints, as the robot hears it.

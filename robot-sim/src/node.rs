@@ -137,7 +137,8 @@ impl RobotSim {
 
     /// Whether an instant of the shell's lies within the period at hand, behind its begin. The robot's own time does not.
     fn is_within_period(&self, at: Stamp) -> bool {
-        let [begin, end] = [self.tick, self.tick.saturating_add(1)].map(|tick| Stamp::of_tick(tick, self.timing.period));
+        let [begin, end] =
+            [self.tick, self.tick.saturating_add(1)].map(|tick| Stamp::of_tick(tick, self.timing.period));
         self.in_step && begin < at && at <= end
     }
 

@@ -8,7 +8,7 @@ use tandem_link::config::CrookedAxes;
 use tandem_operator::Operator;
 use tandem_predictor::{Predictor, UnfitModel};
 use tandem_robot_sim::{RobotSim, UnusableScene};
-use tandem_wire::{Pace, Session, TaskFrame, Timing};
+use tandem_wire::{Session, TaskFrame, Timing};
 
 use crate::Configuration;
 

@@ -10,6 +10,7 @@ use tandem_link::{Clock, fresh_session};
 use tandem_operator::SourceKind;
 use tandem_trials::plan::{Condition, Participant, Plan, Slot};
 use tandem_trials::{Blueprint, Configuration};
+use tandem_wire::Stamp;
 
 use crate::configuration::BadConfiguration;
 use crate::shipped;
