@@ -24,6 +24,12 @@ settings! {
         pub connect: Vec<String> = [];
         /// Listen beyond this machine without certificates. Anyone who reaches the port can then command the robot.
         pub insecure: bool = false;
+        /// The folder in which a node keeps its journal until a recorder has all of it; if empty, a folder of its own
+        /// among the system's temporary files.
+        pub spool: String = "";
+        /// The most that a node's kept journal may take, in MiB; the oldest part goes first. 0 keeps nothing, so that a
+        /// recorder cannot fill gaps.
+        pub spool_mib: u64 = 64, in 0..=65536;
     }
 }
 

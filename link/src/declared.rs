@@ -13,7 +13,7 @@ use zenoh::sample::{Sample, SampleKind};
 
 use crate::Clock;
 use crate::net::{Link, LinkError, QUERY_TIMEOUT, declare};
-use crate::run::{Item, ShellOptions};
+use crate::running::{Item, ShellOptions};
 
 /// Questions for a node's configuration that may wait for their answers.
 const QUERIES: usize = 16;
@@ -37,7 +37,7 @@ impl Entrance {
         self.dropped.fetch_add(lost, Ordering::Relaxed);
     }
 
-    fn sample(&self, topic: Topic, sample: &Sample) {
+    pub(crate) fn sample(&self, topic: Topic, sample: &Sample) {
         let bytes = sample.payload().to_bytes().into_owned();
         let arrived = Clock::of_process().now();
         self.put(Item::Sample { topic, bytes, arrived });

@@ -1,11 +1,21 @@
-//! The journal on its way out: a queue, a thread, and batches in the bulk class.
+//! The journal on its way out: a queue, a thread, and batches into the spool and over the network in the bulk class.
 
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, Sender, bounded};
-use tandem_wire::{Happening, JournalBatch, JournalEntry, Numbering, Pace, Session, Stamp, encode};
+use tandem_wire::{Happening, JournalBatch, JournalEntry, NodeName, Numbering, Pace, Stamp, Topic, encode};
 use zenoh::Wait;
 use zenoh::pubsub::Publisher;
+use zenoh::query::Queryable;
+
+use crate::answer::answer_journal;
+use crate::faults::Faults;
+use crate::net::{Link, LinkError};
+use crate::running::ShellOptions;
+use crate::spool::{LINGER, Spool};
 
 /// Entries that may wait for the thread: ten seconds of a node at 400 entries a second.
 const QUEUE: usize = 4096;
@@ -14,14 +24,20 @@ const BATCH_BYTES: usize = 32 * 1024;
 const BATCH_AGE: Duration = Duration::from_millis(50);
 /// How long a closing node waits for its journal to get out.
 const CLOSE_LIMIT: Duration = Duration::from_secs(2);
+/// How often a closing node says how far its journal goes.
+const REPEAT: Duration = Duration::from_millis(100);
 
 /// What became of a journal.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct JournalReport {
     /// Entries written.
     pub entries: u64,
     /// Entries lost because the thread could not keep up.
     pub lost: u64,
+    /// Whether the disk failed; from then on the journal was only sent.
+    pub disk_failed: bool,
+    /// Where it is kept, because a recorder was there and did not take all of it.
+    pub kept: Option<PathBuf>,
 }
 
 /// The node's end of the journal. Writing never blocks in real time; in lockstep it waits rather than loses.
@@ -30,6 +46,9 @@ pub(crate) struct Journal {
     done: Receiver<()>,
     pace: Pace,
     report: JournalReport,
+    shared: Arc<Shared>,
+    spool: Option<Arc<Mutex<Spool>>>,
+    _answers: Option<Queryable<()>>,
 }
 
 struct Item {
@@ -37,20 +56,58 @@ struct Item {
     entry: JournalEntry,
 }
 
+/// What the node's thread and the journal's tell each other.
+#[derive(Default)]
+struct Shared {
+    /// Whether to wait, at the end, for a recorder that has everything.
+    linger: AtomicBool,
+    taken: AtomicBool,
+    disk_failed: AtomicBool,
+}
+
 impl Journal {
-    pub(crate) fn start(publisher: Publisher<'static>, session: Session, pace: Pace) -> std::io::Result<Self> {
+    pub(crate) fn start(link: &Link, node: NodeName, options: &ShellOptions) -> Result<Self, LinkError> {
+        let (pace, session) = (options.timing.pace, options.info.session);
+        let topic = Topic::Journal(node);
+        let publisher = link.publisher(topic, pace)?;
+        let spool = open_spool(node, options)?;
+        let (heard, asked) = bounded(QUEUE);
+        let answers = match &spool {
+            Some(spool) => Some(answer_journal(link, node, session, Arc::clone(spool), heard)?),
+            None => None,
+        };
         let (sender, receiver) = bounded(QUEUE);
         let (finished, done) = bounded(1);
-        std::thread::Builder::new().name("journal".into()).spawn(move || {
-            forward(&receiver, &publisher, session);
+        let shared = Arc::new(Shared::default());
+        let mut carrier = Carrier {
+            publisher,
+            numbering: Numbering::new(session),
+            spool: spool.clone(),
+            shared: Arc::clone(&shared),
+            asked,
+            faults: options.faults,
+            bytes: Vec::new(),
+            batches: 0,
+        };
+        let carry = move || {
+            let end = carrier.forward(&receiver);
+            carrier.linger(end);
             // Nobody may be waiting any more.
             let _ = finished.send(());
+        };
+        let thread = std::thread::Builder::new().name("journal".into()).spawn(carry);
+        thread.map_err(|error| LinkError::Declare {
+            key: topic.key(&link.robot),
+            reason: error.to_string(),
         })?;
         Ok(Self {
             sender: Some(sender),
             done,
             pace,
             report: JournalReport::default(),
+            shared,
+            spool,
+            _answers: answers,
         })
     }
 
@@ -68,32 +125,110 @@ impl Journal {
         self.report.lost += u64::from(!sent);
     }
 
-    /// Sends what is left, waiting no longer than [`CLOSE_LIMIT`].
-    pub(crate) fn close(mut self) -> JournalReport {
+    /// Sends what is left, and waits, within limits, until a recorder has all of it. Where there never was one
+    /// (`recorded` is false), nobody wants what is kept.
+    pub(crate) fn close(mut self, recorded: bool, recorder_there: bool) -> JournalReport {
+        let linger = recorder_there && self.spool.is_some();
+        self.shared.linger.store(linger, Ordering::Release);
         self.sender = None;
         // A thread that is still stuck in Zenoh after the limit is left behind.
-        let _ = self.done.recv_timeout(CLOSE_LIMIT);
+        let _ = self.done.recv_timeout(CLOSE_LIMIT + Duration::from_nanos(LINGER));
+        let taken = self.shared.taken.load(Ordering::Acquire);
+        self.report.disk_failed = self.shared.disk_failed.load(Ordering::Acquire);
+        if let Some(mut spool) = self.spool.as_ref().and_then(|spool| spool.lock().ok()) {
+            if taken || !recorded {
+                spool.remove();
+            } else {
+                self.report.kept = Some(spool.folder().to_owned());
+            }
+        }
         self.report
     }
 }
 
-fn forward(receiver: &Receiver<Item>, publisher: &Publisher<'static>, session: Session) {
-    let mut numbering = Numbering::new(session);
-    let mut expected = 0;
-    let mut held = None;
-    let mut bytes = Vec::new();
-    while let Some(first) = held.take().or_else(|| receiver.recv().ok()) {
-        let at = first.entry.at;
-        let mut batch = JournalBatch {
-            first: first.index,
-            lost: first.index - expected,
-            entries: vec![first.entry],
-        };
-        held = fill(&mut batch, receiver);
-        expected = batch.first + batch.entries.len() as u64;
-        encode(&numbering.envelope(at, 0, batch), &mut bytes);
-        // A session that is gone takes the journal's tail with it; the recorder sees the gap.
-        let _ = publisher.put(bytes.as_slice()).wait();
+fn open_spool(node: NodeName, options: &ShellOptions) -> Result<Option<Arc<Mutex<Spool>>>, LinkError> {
+    if options.spool.limit_bytes == 0 {
+        return Ok(None);
+    }
+    let refused = |source| LinkError::Spool {
+        folder: options.spool.folder.clone(),
+        source,
+    };
+    let spool = Spool::create(&options.spool, node, options.info.session).map_err(refused)?;
+    Ok(Some(Arc::new(Mutex::new(spool))))
+}
+
+/// The journal's thread.
+struct Carrier {
+    publisher: Publisher<'static>,
+    numbering: Numbering,
+    spool: Option<Arc<Mutex<Spool>>>,
+    shared: Arc<Shared>,
+    asked: Receiver<u64>,
+    faults: Faults,
+    bytes: Vec<u8>,
+    batches: u32,
+}
+
+impl Carrier {
+    /// Carries entries until the node's end is dropped; the index behind the last one.
+    fn forward(&mut self, receiver: &Receiver<Item>) -> u64 {
+        let mut expected = 0;
+        let mut held = None;
+        while let Some(first) = held.take().or_else(|| receiver.recv().ok()) {
+            let at = first.entry.at;
+            let mut batch = JournalBatch {
+                first: first.index,
+                lost: first.index - expected,
+                entries: vec![first.entry],
+            };
+            held = fill(&mut batch, receiver);
+            expected = batch.first + batch.entries.len() as u64;
+            self.carry(at, batch);
+        }
+        expected
+    }
+
+    /// Onto the disk first: what a recorder misses it can ask for from then on.
+    fn carry(&mut self, at: Stamp, batch: JournalBatch) {
+        let message = self.numbering.envelope(at, 0, batch);
+        encode(&message, &mut self.bytes);
+        if let Some(mut spool) = self.spool.as_ref().and_then(|spool| spool.lock().ok())
+            && !self.shared.disk_failed.load(Ordering::Relaxed)
+            && spool.keep(&message.body, &self.bytes).is_err()
+        {
+            self.shared.disk_failed.store(true, Ordering::Release);
+        }
+        self.batches = self.batches.wrapping_add(1);
+        if !self.faults.loses_batch(self.batches) {
+            // A session that is gone takes the journal's tail with it; the recorder sees the gap.
+            let _ = self.publisher.put(self.bytes.as_slice()).wait();
+        }
+    }
+
+    /// Says again and again how far the journal goes, with a batch without entries, until somebody asks for what lies
+    /// behind it: that recorder has everything.
+    fn linger(&mut self, end: u64) {
+        if !self.shared.linger.load(Ordering::Acquire) {
+            return;
+        }
+        let until = Instant::now() + Duration::from_nanos(LINGER);
+        while Instant::now() < until {
+            let mark = JournalBatch {
+                first: end,
+                ..JournalBatch::default()
+            };
+            encode(&self.numbering.envelope(Stamp(0), 0, mark), &mut self.bytes);
+            // As above.
+            let _ = self.publisher.put(self.bytes.as_slice()).wait();
+            let repeat = (Instant::now() + REPEAT).min(until);
+            while let Ok(first) = self.asked.recv_deadline(repeat) {
+                if first >= end {
+                    self.shared.taken.store(true, Ordering::Release);
+                    return;
+                }
+            }
+        }
     }
 }
 

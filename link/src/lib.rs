@@ -7,7 +7,8 @@
 //!
 //! ```text
 //!   Zenoh callbacks ──▶ queue ──▶ [ journal · step · journal · publish ] ──▶ Zenoh
-//!                                        └──▶ journal thread ──▶ Zenoh (bulk)
+//!                                        └──▶ journal thread ──▶ spool, Zenoh (bulk)
+//!                                                               └──▶ answers to a recorder that lacks some (bulk)
 //! ```
 //!
 //! In real time `now` is the process's monotonic clock, streams go out express with real-time priority and may be
@@ -21,21 +22,28 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+mod answer;
 mod arrival;
 pub mod clock;
 pub mod config;
 mod declared;
+mod faults;
 pub mod impairment;
 mod journal;
 pub mod net;
 mod observer;
 pub mod run;
+mod running;
+mod spool;
 
 pub use arrival::Arrival;
 pub use clock::{Clock, fresh_session};
 pub use config::{LinkSettings, LoopSettings, TaskSettings};
+pub use faults::Faults;
 pub use impairment::{Direction, Impairment, ImpairmentSettings};
 pub use journal::JournalReport;
 pub use net::{Link, LinkError};
 pub use observer::{Observer, Sighting};
-pub use run::{Device, Report, Running, ShellOptions, lockstep_now, spawn};
+pub use run::{lockstep_now, spawn};
+pub use running::{Device, Report, Running, ShellOptions};
+pub use spool::SpoolOptions;

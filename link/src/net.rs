@@ -52,6 +52,17 @@ pub enum LinkError {
         /// What Zenoh said.
         reason: String,
     },
+    /// The journal cannot be kept.
+    #[error(
+        "cannot keep the journal in {folder:?}: let link.spool name a folder that can be written, or set \
+             link.spool_mib = 0 to keep none"
+    )]
+    Spool {
+        /// The folder.
+        folder: std::path::PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
     /// No free port on the loopback interface.
     #[error("no free port on 127.0.0.1")]
     NoPort(#[source] std::io::Error),

@@ -3,22 +3,23 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
-use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded};
+use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 use tandem_wire::{
-    Delivery, Happening, Input, Nanos, Node, NodeInfo, NodeName, Outbox, Pace, Ports, SECOND, Stamp, Timing, Topic,
-    codec, snapshot,
+    Delivery, Happening, Input, Nanos, Node, NodeName, Outbox, Pace, Ports, SECOND, Stamp, Topic, codec, snapshot,
 };
 use zenoh::Wait;
 use zenoh::pubsub::Publisher;
 
 use crate::Clock;
+use crate::answer::Asker;
 use crate::declared::{Declared, Entrance};
-use crate::impairment::{Impairment, ImpairmentSettings};
-use crate::journal::{Journal, JournalReport};
+use crate::impairment::Impairment;
+use crate::journal::Journal;
 use crate::net::{Link, LinkError};
+use crate::running::{Item, Report, Running, ShellOptions};
+use crate::spool::LINGER;
 
 /// Inputs that may wait for a node. In real time more cost the oldest ones, which are counted.
 const QUEUE: usize = 4096;
@@ -31,113 +32,6 @@ const SILENCE: Duration = Duration::from_secs(2);
 /// A journal holds a snapshot of its node at least this often, by the node's own time: what a recorder that came late, or
 /// a gap, can cost an execution of the session.
 const SNAPSHOT_EVERY: Nanos = 10 * SECOND;
-
-/// What the shell needs to know besides the node.
-#[derive(Clone, Debug)]
-pub struct ShellOptions {
-    /// Rates, and what drives time.
-    pub timing: Timing,
-    /// What the node answers when asked who it is. Its session is this run's.
-    pub info: NodeInfo,
-    /// In lockstep: the peers that must be there before the first step.
-    pub await_peers: Vec<NodeName>,
-    /// What befalls samples on their way to the node.
-    pub impairment: ImpairmentSettings,
-}
-
-/// What became of a node's run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Report {
-    /// Steps taken.
-    pub steps: u64,
-    /// Inputs dropped because the node could not keep up, or took them up too late.
-    pub dropped: u64,
-    /// The journal.
-    pub journal: JournalReport,
-    /// In lockstep: the node that was waited for in vain, if that ended the run.
-    pub awaited: Option<NodeName>,
-}
-
-/// A node at work on its own thread.
-#[derive(Debug)]
-pub struct Running {
-    sender: Sender<Item>,
-    thread: JoinHandle<Report>,
-}
-
-impl Running {
-    /// Asks the node to end: it says goodbye, its journal is flushed.
-    pub fn stop(&self) {
-        // A node that is gone has stopped.
-        let _ = self.sender.send(Item::Stop);
-    }
-
-    /// Waits until the node has ended. `None` if its thread panicked.
-    #[must_use]
-    pub fn join(self) -> Option<Report> {
-        self.thread.join().ok()
-    }
-
-    /// Whether the node has ended.
-    #[must_use]
-    pub fn is_finished(&self) -> bool {
-        self.thread.is_finished()
-    }
-
-    /// The way in for raw samples of a device in this process.
-    #[must_use]
-    pub fn device(&self) -> Device {
-        Device {
-            sender: self.sender.clone(),
-        }
-    }
-}
-
-/// The way in for raw samples of a device in this process.
-#[derive(Clone, Debug)]
-pub struct Device {
-    sender: Sender<Item>,
-}
-
-impl Device {
-    /// Hands a sample to the node; says whether it was taken.
-    #[must_use]
-    pub fn send(&self, bytes: Vec<u8>) -> bool {
-        self.sender
-            .try_send(Item::Sample {
-                topic: Topic::Device,
-                bytes,
-                arrived: Clock::of_process().now(),
-            })
-            .is_ok()
-    }
-}
-
-pub(crate) enum Item {
-    Sample {
-        topic: Topic,
-        bytes: Vec<u8>,
-        arrived: Stamp,
-    },
-    Presence {
-        peer: NodeName,
-        alive: bool,
-    },
-    Stop,
-}
-
-impl Item {
-    fn input(&self) -> Input<'_> {
-        match self {
-            Self::Sample { topic, bytes, .. } => Input::Sample { topic: *topic, bytes },
-            Self::Presence { peer, alive } => Input::Presence {
-                peer: *peer,
-                alive: *alive,
-            },
-            Self::Stop => Input::Stop,
-        }
-    }
-}
 
 /// Starts `node` on a thread of its own. `local` is given every output, those that stay in the process included, on
 /// that thread; it must not block.
@@ -178,9 +72,7 @@ where
     let journal = match N::NAME {
         // The recorder's inputs are the recording itself.
         NodeName::Recorder => None,
-        _ => Some(
-            Journal::start(link.publisher(journal_key, pace)?, options.info.session, pace).map_err(thread_refused)?,
-        ),
+        _ => Some(Journal::start(link, N::NAME, &options)?),
     };
     let declared = Declared::new::<N>(link, &entrance, &options)?;
     let shell = Shell {
@@ -200,6 +92,9 @@ where
         ticks: lockstep_streams::<N>(),
         trial: 0,
         next_snapshot: Stamp(0),
+        asker: Asker::new(link, entrance),
+        recorder: Recorded::default(),
+        items: 0,
     };
     let thread = std::thread::Builder::new()
         .name(N::NAME.as_str().into())
@@ -253,6 +148,17 @@ struct Shell<N: Node, F> {
     /// The trial at the last snapshot, and when the next one is due at the latest.
     trial: u32,
     next_snapshot: Stamp,
+    asker: Asker,
+    recorder: Recorded,
+    /// Items taken up.
+    items: u64,
+}
+
+/// Whether a recorder listens, and ever did.
+#[derive(Clone, Copy, Debug, Default)]
+struct Recorded {
+    ever: bool,
+    there: bool,
 }
 
 impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
@@ -265,11 +171,14 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
         loop {
             match waited.pop_front().map_or_else(|| self.next(receiver), Next::Item) {
                 Next::Item(item) if self.is_late(&item) => self.late += 1,
+                Next::Item(item) if self.loses(&item) => {}
                 Next::Item(item) => {
                     self.note_tick(&item);
+                    self.note_recorder(&item);
                     let Some(item) = self.let_through(item) else { continue };
                     self.step(item.input());
                     if matches!(item, Item::Stop) {
+                        self.hear_out(receiver);
                         return self.end(None);
                     }
                 }
@@ -322,6 +231,41 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
         timing.pace == Pace::Real
             && topic.delivery() == Delivery::Stream
             && self.clock.now().since(*arrived) > timing.stream_timeout()
+    }
+
+    fn loses(&mut self, item: &Item) -> bool {
+        self.items = self.items.wrapping_add(1);
+        self.options.faults.loses_sample(self.items, item)
+    }
+
+    fn note_recorder(&mut self, item: &Item) {
+        if let Item::Presence {
+            peer: NodeName::Recorder,
+            alive,
+        } = item
+        {
+            self.recorder = Recorded {
+                ever: true,
+                there: *alive,
+            };
+        }
+    }
+
+    /// A node that was asked to end and waits for something hears it, for a bounded time.
+    fn hear_out(&mut self, receiver: &Receiver<Item>) {
+        let until = self.clock.now().after(LINGER);
+        while self.node.lingers() && self.clock.now() < until {
+            let due = self.node.deadline().filter(|_| self.options.timing.pace == Pace::Real);
+            let next = due.map_or(until, |due| due.min(until));
+            match receiver.recv_deadline(self.clock.instant(next)) {
+                Ok(Item::Stop) | Err(RecvTimeoutError::Disconnected) => break,
+                Ok(item) => self.step(item.input()),
+                Err(RecvTimeoutError::Timeout) => self.step(Input::Wake),
+            }
+        }
+        if self.node.lingers() {
+            self.step(Input::Stop);
+        }
     }
 
     /// In lockstep: how far each of the streams that this node listens to has come.
@@ -422,6 +366,9 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
                     );
                 }
             }
+            if let Some(question) = N::question(&output) {
+                self.asker.ask(question);
+            }
             (self.local)(now, output);
         }
         self.keep_snapshot();
@@ -446,7 +393,10 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
         Report {
             steps: self.steps,
             dropped: self.late,
-            journal: self.journal.map(Journal::close).unwrap_or_default(),
+            journal: self
+                .journal
+                .map(|journal| journal.close(self.recorder.ever, self.recorder.there))
+                .unwrap_or_default(),
             awaited,
         }
     }

@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use tandem_link::{Clock, ImpairmentSettings, Link, Observer, ShellOptions, Sighting, fresh_session, spawn};
+use tandem_link::{
+    Clock, Faults, ImpairmentSettings, Link, Observer, ShellOptions, Sighting, SpoolOptions, fresh_session, spawn,
+};
 use tandem_wire::codec::to_bytes;
 use tandem_wire::{
     Command, Deadman, Envelope, Header, Input, JournalBatch, Malformed, Memory, Node, NodeInfo, NodeName, Numbering,
@@ -105,6 +107,8 @@ fn a_node_answers_over_real_zenoh_and_its_journal_says_so() {
             ..NodeInfo::default()
         },
         await_peers: vec![],
+        spool: SpoolOptions::default(),
+        faults: Faults::default(),
         impairment: ImpairmentSettings::default(),
     };
     let running = spawn(&remote, Echo(Numbering::new(session)), options, |_, _| {}).unwrap();

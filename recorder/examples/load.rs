@@ -179,7 +179,7 @@ fn heard(payloads: &[Vec<u8>]) -> Vec<Arc<Heard>> {
     }
     let written = |output| match output {
         Output::Write(heard) => Some(heard),
-        Output::Show(_) | Output::Say(_) => None,
+        Output::Show(_) | Output::Ask(_) | Output::Say(_) => None,
     };
     outbox.drain().filter_map(written).take(payloads.len()).collect()
 }

@@ -49,6 +49,8 @@ settings! {
         pub split_s: u64 = 0, in 0..=86400;
         /// Messages that may wait for each view; more are dropped and counted.
         pub view_queue: usize = 1024, in 16..=65536;
+        /// The arm's URDF file, whose meshes are then drawn instead of its collision shapes; none if this is empty.
+        pub urdf: String = "";
         /// Memory for what a viewer that comes late or comes back is shown again, in MiB: at 50 Hz some seconds
         /// each.
         pub view_history_mib: usize = 16, in 1..=64;
@@ -107,6 +109,8 @@ pub struct RecorderConfig {
     pub(crate) split: Split,
     pub(crate) view_queue: usize,
     pub(crate) view_history_bytes: usize,
+    pub(crate) urdf: Option<PathBuf>,
+    pub(crate) purpose: Purpose,
 }
 
 impl RecorderConfig {
@@ -145,7 +149,29 @@ impl RecorderConfig {
             },
             view_queue: settings.view_queue,
             view_history_bytes: settings.view_history_mib << 20,
+            urdf: path(&settings.urdf),
+            purpose: Purpose::Live,
         })
+    }
+}
+
+/// What the view is for, and so how it is laid out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    /// Something that goes on: the newest is what counts.
+    Live,
+    /// Something that is over: who drove when, and why it stopped, is seen at once.
+    Replay,
+}
+
+impl RecorderConfig {
+    /// The same for a session that is over: its layout has the lanes of driver, reason and trial in front.
+    #[must_use]
+    pub fn for_replay(self) -> Self {
+        Self {
+            purpose: Purpose::Replay,
+            ..self
+        }
     }
 }
 

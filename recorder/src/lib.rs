@@ -35,6 +35,7 @@
 mod arm;
 mod config;
 mod evidence;
+mod filling;
 mod heard;
 mod node;
 mod ports;
@@ -42,6 +43,7 @@ mod reader;
 mod session_file;
 mod sinks;
 mod tally;
+mod urdf;
 mod view;
 
 pub use config::{BadSettings, Live, RecorderConfig, RecorderSettings, ViewTarget};
@@ -54,5 +56,6 @@ pub use reader::{
 pub use session_file::{JOURNAL_ENCODING, Provenance, SessionFile, WriteError};
 pub use sinks::{Closed, Drops, Ended, Heading, Lost, Notice, OpenError, Sinks, part_path, save_what_if};
 pub use tally::{ClockOffset, Counts, Gap, JournalCount, StreamCount};
+pub use urdf::{Urdf, UrdfError};
 pub use view::what_if::Side;
 pub use view::{Drawing, Moment, View};

@@ -4,11 +4,12 @@ use std::mem::discriminant;
 use std::sync::Arc;
 
 use tandem_wire::{
-    Condition, Envelope, Malformed, Memory, Motion, Node, NodeName, Numbering, Outbox, Pace, Reason, Remember, SECOND,
-    Session, Setpoint, Stamp, State, Storage, Timing, Topic, Trial, Unreadable, seconds,
+    Condition, Envelope, Malformed, Memory, Motion, Node, NodeName, Numbering, Outbox, Pace, Question, Reason,
+    Remember, SECOND, Seq, Session, Setpoint, Stamp, State, Storage, Timing, Topic, Trial, Unreadable, seconds,
 };
 
-use crate::heard::{Entry, Heard, Level, Note, Sample};
+use crate::filling::Filling;
+use crate::heard::{Entry, Heard, JournalPart, Level, Note, Sample};
 use crate::tally::{Place, Tally};
 
 /// How often the counts are passed on while messages arrive.
@@ -43,6 +44,8 @@ pub enum Output {
     Write(Arc<Heard>),
     /// Draw this in the view.
     Show(Arc<Heard>),
+    /// Ask a node for what was missed of its journal.
+    Ask(Question),
     /// Tell the others how the session file is doing.
     Say(Envelope<Storage>),
 }
@@ -50,8 +53,8 @@ pub enum Output {
 /// The recorder.
 ///
 /// ```text
-///            first message                 Stop
-///   Silent ──────────────────▶ Hearing ────────────▶ Closed
+///            first message                 Stop                 all answered, or Stop again
+///   Silent ──────────────────▶ Hearing ────────────▶ Closing ────────────────────────────▶ Closed
 ///     ▲ │                         │                    ▲
 ///     │ └──────────────────────── │ ────── Stop ───────┘
 ///     └─ the counts, a second ────┘
@@ -62,6 +65,7 @@ pub struct Recorder {
     timing: Timing,
     phase: Phase,
     tally: Tally,
+    filling: Filling,
     /// The tick of the newest message: where a note of our own belongs.
     tick: u32,
     trial: Option<TrialSeen>,
@@ -78,7 +82,9 @@ enum Phase {
     Silent,
     /// Something was; the counts are due at this time.
     Hearing { counts_due: Stamp },
-    /// Stopped: whatever still arrives is ignored, for the file is being closed.
+    /// Stopped: the ends of the journals are asked for.
+    Closing,
+    /// Whatever still arrives is ignored, for the file is being closed.
     Closed,
 }
 
@@ -96,6 +102,7 @@ impl Recorder {
             timing,
             phase: Phase::Silent,
             tally: Tally::default(),
+            filling: Filling::default(),
             tick: 0,
             trial: None,
             arbiter: None,
@@ -115,6 +122,11 @@ impl Recorder {
 
     fn on_sample(&mut self, now: Stamp, sample: Sample, outbox: &mut Outbox<Output>) {
         let (topic, header) = (sample.topic(), *sample.header());
+        let sample = match sample {
+            // No stream has this number: it answers a question.
+            Sample::Journal(part) if header.seq == Seq(0) => return self.on_answer(now, part, outbox),
+            other => other,
+        };
         let place = self.tally.count(topic, &header);
         self.tick = header.tick;
         if let Place::AfterGap(missed) = place {
@@ -124,6 +136,10 @@ impl Recorder {
             self.tally.time(now, topic, &header);
         }
         if let Sample::Journal(part) = &sample {
+            self.filling.hear(now, part, outbox);
+            if part.entries == 0 {
+                return;
+            }
             self.tally.count_journal(part);
         }
         let notes = match (&sample, place) {
@@ -136,6 +152,19 @@ impl Recorder {
         };
         self.pass_on(now, header.tick, sample, place, outbox);
         for note in notes {
+            self.note(now, note, outbox);
+        }
+    }
+
+    /// What was asked for is kept like what came by itself; the rest is nobody's.
+    fn on_answer(&mut self, now: Stamp, part: JournalPart, outbox: &mut Outbox<Output>) {
+        let worth = self.filling.answer(now, &part, outbox);
+        if worth.take {
+            self.tally.count_journal(&part);
+            let entry = Entry::Sample(Sample::Journal(part));
+            outbox.push(Output::Write(Arc::new(self.heard(now, self.tick, entry))));
+        }
+        if let Some(note) = worth.note {
             self.note(now, note, outbox);
         }
     }
@@ -213,6 +242,7 @@ impl Recorder {
     }
 
     fn on_presence(&mut self, now: Stamp, peer: NodeName, alive: bool, outbox: &mut Outbox<Output>) {
+        self.filling.presence(peer, alive);
         let note = if alive {
             info(peer, "appeared".to_owned())
         } else {
@@ -247,7 +277,18 @@ impl Recorder {
         }
     }
 
+    /// Asks for what is missing at the journals' ends, once. Being stopped again is final.
     fn on_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        match self.phase {
+            Phase::Closing => self.finish(now, outbox),
+            _ => {
+                self.phase = Phase::Closing;
+                self.filling.close(now, outbox);
+            }
+        }
+    }
+
+    fn finish(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         self.pass_on_counts(now, outbox);
         self.phase = Phase::Closed;
     }
@@ -310,13 +351,23 @@ impl Node for Recorder {
             Event::Presence { peer, alive } => self.on_presence(now, peer, alive, outbox),
             Event::Stop => self.on_stop(now, outbox),
         }
+        self.filling.ask(now, outbox);
+        if matches!(self.phase, Phase::Closing) && self.filling.is_settled() {
+            self.finish(now, outbox);
+        }
     }
 
     fn deadline(&self) -> Option<Stamp> {
-        match self.phase {
+        let counts = match self.phase {
             Phase::Hearing { counts_due } => Some(counts_due),
-            Phase::Silent | Phase::Closed => None,
-        }
+            Phase::Closed => return None,
+            Phase::Silent | Phase::Closing => None,
+        };
+        counts.into_iter().chain(self.filling.deadline()).min()
+    }
+
+    fn lingers(&self) -> bool {
+        matches!(self.phase, Phase::Closing)
     }
 
     fn trial(&self) -> u32 {

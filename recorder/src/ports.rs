@@ -1,7 +1,8 @@
-//! The bytes at the recorder's edge: every topic comes in; out goes only how the session file is doing.
+//! The bytes at the recorder's edge: every topic comes in; out go how the session file is doing, and questions.
 
 use tandem_wire::{
-    Envelope, Input, JournalBatch, Malformed, Message, NodeName, Ports, Topic, Unreadable, codec, decode, encode,
+    Envelope, Input, JournalBatch, Malformed, Message, NodeName, Ports, Question, Topic, Unreadable, codec, decode,
+    encode,
 };
 
 use crate::heard::{JournalPart, Sample};
@@ -60,10 +61,17 @@ impl Ports for Recorder {
                 encode(storage, bytes);
                 Some(Topic::Storage)
             }
-            Output::Write(_) | Output::Show(_) => {
+            Output::Write(_) | Output::Show(_) | Output::Ask(_) => {
                 bytes.clear();
                 None
             }
+        }
+    }
+
+    fn question(output: &Output) -> Option<Question> {
+        match output {
+            Output::Ask(question) => Some(*question),
+            Output::Write(_) | Output::Show(_) | Output::Say(_) => None,
         }
     }
 }

@@ -33,11 +33,13 @@ use crate::config::{RecorderConfig, ViewTarget};
 use crate::heard::{Entry, Heard, Level, Note};
 use crate::node::Output;
 use crate::session_file::Provenance;
+use crate::urdf::{Urdf, UrdfError};
+use crate::view::Meshes;
 pub use drops::{Drops, Lost};
 use feed::{Feed, Shared};
 use file::FileSink;
 pub use file::part_path;
-use rerun_stream::StreamSink;
+use rerun_stream::{Show, StreamSink};
 pub use what_if::{Heading, save_what_if};
 
 /// Notices that may wait to be read; each sink makes one or two in its life.
@@ -76,6 +78,9 @@ pub enum OpenError {
         /// What the SDK says.
         source: Box<rerun::RecordingStreamError>,
     },
+    /// The arm cannot be shown by its URDF file.
+    #[error("the arm cannot be shown as it looks (recorder.urdf)")]
+    Urdf(#[from] UrdfError),
     /// No thread can be started.
     #[error("no thread can be started")]
     Thread {
@@ -209,15 +214,23 @@ impl Sinks {
     /// If a file cannot be created, with its path and the reason. A viewer that is not there is no error: it becomes
     /// a [`Notice`].
     pub fn open(config: &RecorderConfig, timing: Timing, provenance: &Provenance) -> Result<Self, OpenError> {
+        // First: what cannot be shown is known before any file is begun.
+        let urdf = config.urdf.as_deref().map(Urdf::load).transpose()?;
         let (tell, told) = bounded(NOTICES);
         let shared = Arc::new(Shared::new(tell));
         let file = match &config.session_file {
             Some(path) => Some(open_file(config, path, provenance, &shared)?),
             None => None,
         };
+        let show = Show {
+            timing,
+            provenance: provenance.clone(),
+            purpose: config.purpose,
+            meshes: urdf.as_ref().map(Meshes::new),
+        };
         let mut views = Vec::with_capacity(config.views.len());
         for target in &config.views {
-            views.push(open_view(config, target, timing, provenance, &shared)?);
+            views.push(open_view(config, target, &show, &shared)?);
         }
         Ok(Self {
             file,
@@ -244,6 +257,8 @@ impl Sinks {
                     view.offer(Arc::clone(&heard));
                 }
             }
+            // The shell has put it.
+            Output::Ask(_) => {}
             // For the network, not for a file.
             Output::Say(_) => {}
         }
@@ -352,8 +367,7 @@ fn open_file(
 fn open_view(
     config: &RecorderConfig,
     target: &ViewTarget,
-    timing: Timing,
-    provenance: &Provenance,
+    show: &Show,
     shared: &Arc<Shared>,
 ) -> Result<Feed, OpenError> {
     let limits = feed::Limits {
@@ -366,16 +380,12 @@ fn open_view(
         ViewTarget::Save(path) => {
             let flush = rerun_stream::FILE_BATCH;
             let limits = feed::Limits { flush, ..limits };
-            let sink = StreamSink::save(path, config.rrd_index, timing, provenance, Arc::clone(shared))?;
+            let sink = StreamSink::save(path, config.rrd_index, show, Arc::clone(shared))?;
             Feed::start("the Rerun recording", Some(path.clone()), kind, limits, shared, sink)
         }
         ViewTarget::Connect(_) | ViewTarget::Spawn | ViewTarget::Serve => {
-            let show = viewer::Show {
-                timing,
-                provenance: provenance.clone(),
-                history_bytes: config.view_history_bytes,
-            };
-            let sink = viewer::ViewerSink::new(target.clone(), show, Arc::clone(shared));
+            let (show, history) = (show.clone(), config.view_history_bytes);
+            let sink = viewer::ViewerSink::new(target.clone(), show, history, Arc::clone(shared));
             Feed::start("the live view", None, kind, limits, shared, sink)
         }
     }

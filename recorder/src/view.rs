@@ -18,6 +18,7 @@ mod colours;
 mod interval;
 pub(crate) mod layout;
 mod log;
+mod meshes;
 mod plots;
 mod status;
 mod surroundings;
@@ -32,7 +33,9 @@ use tandem_wire::{MessageId, Nanos, Scene, Setpoint, Stamp, State, Timing, Trial
 
 use crate::heard::{Entry, Heard, Sample};
 use crate::sinks::Drops;
+use crate::urdf::Urdf;
 use log::Log;
+pub(crate) use meshes::Meshes;
 use plots::Latency;
 use status::Status;
 use trace::Trace;
@@ -80,6 +83,8 @@ pub struct View {
     lanes: Lanes,
     /// The forecast that is drawn.
     forecast: Option<MessageId>,
+    /// How the arm looks, if that is known; else its collision shapes are drawn.
+    meshes: Option<Meshes>,
 }
 
 /// What stands in the lanes now; drawn only when it changes.
@@ -115,7 +120,18 @@ impl View {
             latency: Latency::new(timing.pace),
             lanes: Lanes::default(),
             forecast: None,
+            meshes: None,
         }
+    }
+
+    /// Draws the arm as its URDF file describes it.
+    #[must_use]
+    pub fn with_urdf(self, urdf: &Urdf) -> Self {
+        self.with_meshes(Some(Meshes::new(urdf)))
+    }
+
+    pub(crate) fn with_meshes(self, meshes: Option<Meshes>) -> Self {
+        Self { meshes, ..self }
     }
 
     /// What holds at all times: names, colours, which way is up.
@@ -129,7 +145,10 @@ impl View {
     /// Begins a recording of its own at `heard`: all is forgotten but the surroundings, which are drawn again.
     pub fn begin_recording(&mut self, heard: &Heard, drawings: &mut Vec<Drawing>) {
         let scene = self.scene.take();
-        *self = Self::new(self.timing);
+        *self = Self::new(self.timing).with_meshes(self.meshes.take());
+        if let Some(meshes) = &self.meshes {
+            drawings.extend_from_slice(meshes.opening());
+        }
         self.origin = heard.session_time;
         let moment = self.moment(heard);
         if let Some(scene) = scene {
@@ -193,9 +212,12 @@ impl View {
         }
         let tool = state.tool.position;
         self.tool = Some(tool);
-        if let Some(scene) = &self.scene {
-            arm::draw(&scene.bodies, state, sheet);
+        match (&self.meshes, &self.scene) {
+            (Some(meshes), _) => meshes.draw(state, sheet),
+            (None, Some(scene)) => arm::draw(&scene.bodies, state, sheet),
+            (None, None) => {}
         }
+        arm::draw_tool(colours::TOOL, state, sheet);
         self.trace.draw(tool, trace::colour(state), sheet);
         self.status.hear_state(state, sheet);
         plots::draw_state(state, sheet);

@@ -82,7 +82,8 @@ proptest! {
         for (what, later) in &story {
             now = now.after(*later);
             let event = event(what, &samples);
-            if matches!(event, Event::Sample(_)) && !stopped {
+            let ended = stopped && !recorder.lingers();
+            if matches!(event, Event::Sample(_)) && !ended {
                 readable += 1;
             }
             stopped |= event == Event::Stop;
@@ -91,6 +92,7 @@ proptest! {
                 match output {
                     Output::Write(heard) => written += usize::from(matches!(heard.entry, Entry::Sample(_))),
                     Output::Show(heard) => view.draw(&heard, Drops::default(), &mut drawings),
+                    Output::Ask(_) => {}
                     Output::Say(_) => {}
                 }
             }

@@ -12,7 +12,7 @@ use tandem_wire::{
 /// Every output in one line: what is written, and whether it is shown too.
 fn words(outputs: &[Output]) -> Vec<String> {
     let line = |output: &Output| match output {
-        Output::Show(_) | Output::Say(_) => None,
+        Output::Show(_) | Output::Ask(_) | Output::Say(_) => None,
         Output::Write(heard) => Some(match &heard.entry {
             Entry::Sample(sample) => format!("{} {}", heard.tick, sample.topic()),
             Entry::Note(note) => format!("{} {:?} {note}", heard.tick, note.level),
@@ -56,7 +56,7 @@ fn everything_is_written_in_order_and_only_what_is_new_to_the_eye_is_shown() {
             Entry::Sample(sample) => Some(sample.topic()),
             _ => None,
         },
-        Output::Show(_) | Output::Say(_) => None,
+        Output::Show(_) | Output::Ask(_) | Output::Say(_) => None,
     });
     assert!(written.eq(samples.iter().map(|sample| sample.topic)));
     let hidden =

@@ -14,8 +14,8 @@ use tandem_trials::{Configuration, Measures, Tracer};
 use tandem_wire::{JournalBatch, NodeName, Pace, Topic, Trial, decode};
 
 use crate::configuration::{self, CommonFlags};
-use crate::nodes::ViewFlag;
-use crate::parts::{Parts, RunningRecorder, lost};
+use crate::nodes::{ViewFlag, tell_of_journal};
+use crate::parts::{LOOP, Parts, RunningRecorder, lost};
 use crate::summary::progress;
 use crate::trial::TrialMarks;
 use crate::{Outcome, interrupt, shipped, table};
@@ -64,6 +64,9 @@ pub(crate) struct DemoFlags {
     /// through a server that browsers come to (serve), or writes the recording there (save=PATH.rrd).
     #[arg(long, value_name = "spawn|serve|connect=URL|save=PATH", num_args = 0..=1, default_missing_value = "spawn")]
     view: Option<ViewFlag>,
+    /// Draws the arm as this URDF file describes it, with its meshes, instead of its collision shapes.
+    #[arg(long, value_name = "PATH")]
+    urdf: Option<PathBuf>,
     /// Prints the summary as one JSON object.
     #[arg(long)]
     json: bool,
@@ -140,6 +143,12 @@ fn configuration(flags: &DemoFlags) -> anyhow::Result<Configuration> {
     overrides.extend(flags.law.map(|law| ("arbiter.law", name(&law))));
     overrides.extend(flags.seed.map(|seed| ("loop.seed", seed.to_string())));
     overrides.extend(flags.view.iter().flat_map(ViewFlag::overrides));
+    overrides.extend(
+        flags
+            .urdf
+            .iter()
+            .map(|path| ("recorder.urdf", path.display().to_string())),
+    );
     Ok(configuration::load(&flags.common, &overrides)?)
 }
 
@@ -170,10 +179,13 @@ impl Team {
     fn stop(self, watch: &mut Watch) -> anyhow::Result<Closed> {
         let mut panicked = false;
         let mut entries = 0;
-        for node in self.players {
+        for (name, node) in LOOP.into_iter().zip(self.players) {
             node.stop();
             match node.join() {
-                Some(report) => entries += report.journal.entries - report.journal.lost,
+                Some(report) => {
+                    tell_of_journal(name, &report.journal);
+                    entries += report.journal.entries - report.journal.lost;
+                }
                 None => panicked = true,
             }
         }

@@ -1,5 +1,9 @@
 //! `tandem`: the whole stack behind one command. One module per subcommand, nothing clever.
 
+// First: its macros stand in for the ones of std in all modules that follow.
+#[macro_use]
+mod speaking;
+
 mod configuration;
 mod demo;
 mod forecast;
@@ -94,6 +98,16 @@ pub(crate) enum Outcome {
 }
 
 fn main() -> ExitCode {
+    let code = run();
+    if speaking::kept() {
+        code
+    } else {
+        eprintln!("tandem: the output could not be written whole");
+        ExitCode::from(1)
+    }
+}
+
+fn run() -> ExitCode {
     let result = match Arguments::parse().command {
         Subcommands::Demo(flags) => demo::run(&flags),
         Subcommands::Operator(flags) => nodes::operator(&flags),

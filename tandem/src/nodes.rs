@@ -11,7 +11,7 @@ use anyhow::bail;
 use clap::{Args, ValueEnum};
 use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 use tandem_link::net::DEFAULT_ENDPOINT;
-use tandem_link::{Link, LinkSettings, Observer, Running, Sighting};
+use tandem_link::{JournalReport, Link, LinkSettings, Observer, Running, Sighting};
 use tandem_operator::{SourceKind, keyboard};
 use tandem_trials::Configuration;
 use tandem_wire::{NodeName, Trial};
@@ -111,6 +111,9 @@ pub(crate) struct RecorderFlags {
     /// (connect=URL), through a server that browsers come to (serve), or writes the recording there (save=PATH.rrd).
     #[arg(long, value_name = "spawn|serve|connect=URL|save=PATH", num_args = 0..=1, default_missing_value = "spawn")]
     view: Option<ViewFlag>,
+    /// Draws the arm as this URDF file describes it, with its meshes, instead of its collision shapes.
+    #[arg(long, value_name = "PATH")]
+    urdf: Option<PathBuf>,
     #[command(flatten)]
     node: NodeFlags,
 }
@@ -186,12 +189,26 @@ impl Process {
         if let Some(awaited) = report.awaited {
             bail!("{name}: {awaited} did not answer for two seconds, so lockstep cannot go on");
         }
+        tell_of_journal(name, &report.journal);
         let lost = report.dropped + report.journal.lost;
         eprintln!(
             "{name}: ended after {} steps, {lost} inputs or journal entries lost",
             report.steps
         );
         Ok(if lost > 0 { Outcome::SamplesLost } else { Outcome::Done })
+    }
+}
+
+/// Says what a person should know of a journal that no recorder took whole.
+pub(crate) fn tell_of_journal(name: NodeName, journal: &JournalReport) {
+    if journal.disk_failed {
+        eprintln!("{name}: the disk failed, so its journal was sent and not kept; gaps in it stay");
+    }
+    if let Some(folder) = &journal.kept {
+        eprintln!(
+            "{name}: no recorder said that it has all of the journal, so it stays in {}",
+            folder.display()
+        );
     }
 }
 
@@ -359,6 +376,12 @@ pub(crate) fn recorder(flags: &RecorderFlags) -> anyhow::Result<Outcome> {
         ("recorder.rrd", flags.record.with_extension("rrd").display().to_string()),
     ];
     overrides.extend(flags.view.iter().flat_map(ViewFlag::overrides));
+    overrides.extend(
+        flags
+            .urdf
+            .iter()
+            .map(|path| ("recorder.urdf", path.display().to_string())),
+    );
     let parts = Parts::new(flags.node.configuration(&overrides)?, None)?;
     let sinks = parts.sinks()?;
     let process = match Process::begin(&parts, NodeName::Recorder) {

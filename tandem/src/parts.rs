@@ -6,7 +6,9 @@ use std::time::Duration;
 use anyhow::{Context as _, bail};
 use tandem_arbiter::Arbiter;
 use tandem_cesn::Model;
-use tandem_link::{Clock, Device, Link, LinkSettings, Running, ShellOptions, fresh_session, spawn};
+use tandem_link::{
+    Clock, Device, Faults, Link, LinkSettings, Running, ShellOptions, SpoolOptions, fresh_session, spawn,
+};
 use tandem_operator::Operator;
 use tandem_predictor::Predictor;
 use tandem_recorder::{Closed, Entry, Provenance, Recorder, RecorderConfig, Sinks};
@@ -86,6 +88,8 @@ impl Parts {
             } else {
                 vec![]
             },
+            spool: SpoolOptions::new(&configuration.link, self.blueprint.session()),
+            faults: Faults::default(),
         }
     }
 

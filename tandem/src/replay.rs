@@ -68,6 +68,9 @@ pub(crate) struct ReplayFlags {
     /// Shows it in the Rerun viewer, at URL if one is given; this is the default.
     #[arg(long, value_name = "URL", num_args = 0..=1, require_equals = true, default_missing_value = "", conflicts_with_all = ["robot", "listen", "connect"])]
     view: Option<String>,
+    /// Draws the arm as this URDF file describes it, with its meshes.
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["robot", "listen", "connect"])]
+    urdf: Option<PathBuf>,
     /// Writes a Rerun recording instead.
     #[arg(long, value_name = "PATH", conflicts_with_all = ["view", "repeats", "robot", "listen", "connect"])]
     rrd: Option<PathBuf>,
@@ -188,7 +191,11 @@ fn open(flags: &ReplayFlags, recording: &Recording, timing: Timing) -> anyhow::R
         build: BUILD.to_owned(),
         epoch_unix_nanos: recording.epoch_unix_nanos,
     };
-    let mut settings = RecorderSettings::default();
+    let urdf = flags.urdf.as_ref().map(|path| path.display().to_string());
+    let mut settings = RecorderSettings {
+        urdf: urdf.unwrap_or_default(),
+        ..RecorderSettings::default()
+    };
     match (&flags.rrd, flags.view.as_deref()) {
         (Some(path), _) => {
             settings.rrd = path.display().to_string();
@@ -200,7 +207,9 @@ fn open(flags: &ReplayFlags, recording: &Recording, timing: Timing) -> anyhow::R
             url.clone_into(&mut settings.viewer);
         }
     }
-    let config = RecorderConfig::new(&settings).map_err(|error| BadConfiguration::Conflict(error.to_string()))?;
+    let config = RecorderConfig::new(&settings)
+        .map_err(|error| BadConfiguration::Conflict(error.to_string()))?
+        .for_replay();
     let is_file = flags.rrd.is_some();
     let waits = is_file || flags.speed == Some(Speed::Max);
     Ok(Target::View(Box::new(Screen::open(

@@ -236,3 +236,46 @@ fn a_folder_of_another_plan_is_refused() {
     let said = refusal(&["trial", "run", text(&other), "--out", text(&out)]);
     assert!(said.contains("belongs to another plan"), "{said}");
 }
+
+/// Plays a trial's mark from `from` on, as the report's page says, in the run's folder.
+fn marks_between(out: &Path, from: f64, until: f64) -> Option<u64> {
+    let (from, until) = (format!("{from:.1}"), format!("{until:.1}"));
+    let play = [
+        "replay",
+        "session-1.mcap",
+        "--topics",
+        "trial",
+        "--from",
+        &from,
+        "--until",
+        &until,
+    ];
+    let mut command = Command::new(env!("CARGO_BIN_EXE_tandem"));
+    let output = command
+        .args(play)
+        .args(["--rrd", "seen.rrd", "--json"])
+        .current_dir(out)
+        .output();
+    let output = output.expect("tandem starts");
+    let played: Value = serde_json::from_slice(&output.stdout).ok()?;
+    played["messages_played"].as_u64()
+}
+
+#[test]
+fn a_run_is_reported_and_a_trials_line_opens_the_session_where_it_begins() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let plan = plan_file(folder.path(), "small.toml", SMALL);
+    let out = folder.path().join("run");
+    run(&plan, &out);
+    let output = tandem(&["trial", "report", text(&out)]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let page = fs::read_to_string(out.join("report.html")).expect("a page");
+    assert!(page.contains("class=\"wish\""), "where the human wished to be is drawn");
+    for entry in entries(&out).iter().skip(1) {
+        let began = entry["began_s"].as_f64().expect("a time");
+        let line = format!("tandem replay session-1.mcap --from {began:.1}<");
+        assert!(page.contains(&line), "{line}");
+        assert_eq!(marks_between(&out, began, began), Some(1), "its mark is there: {entry}");
+        assert_eq!(marks_between(&out, began + 0.1, began + 5.0), None, "and not later");
+    }
+}

@@ -129,3 +129,51 @@ fn an_unknown_reference_is_bad_usage_and_names_the_known_ones() {
     );
     assert!(report(folder.path(), &["--reference", "fixed"]).status.success());
 }
+
+/// Runs the program with its output going into a pipe that nobody reads.
+fn unread(arguments: &[&str]) -> Output {
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_tandem"));
+    command.args(arguments).stdout(writer);
+    command.output().expect("the program starts")
+}
+
+#[test]
+fn a_report_whose_reader_has_left_is_still_written_and_nothing_panics() {
+    let folder = tempfile::tempdir().expect("a folder");
+    make_run(folder.path());
+    let run = folder.path().to_str().expect("its name is text");
+    let output = unread(&["trial", "report", run]);
+    assert_eq!((output.status.code(), said(&output).as_str()), (Some(0), ""));
+    assert!(folder.path().join("report.html").exists());
+}
+
+#[test]
+fn other_commands_do_not_panic_either_when_nobody_reads() {
+    for arguments in [&["config", "show"][..], &["forecast", "0.1"], &["--help"]] {
+        let output = unread(arguments);
+        assert!(!said(&output).contains("panicked"), "{arguments:?}: {}", said(&output));
+        assert_ne!(output.status.code(), Some(101), "{arguments:?}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_report_that_does_not_fit_on_the_disk_is_a_failure() {
+    let folder = tempfile::tempdir().expect("a folder");
+    make_run(folder.path());
+    let full = fs::OpenOptions::new()
+        .write(true)
+        .open("/dev/full")
+        .expect("a full device");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_tandem"));
+    command.args(["trial", "report"]).arg(folder.path()).stdout(full);
+    let output = command.output().expect("the program starts");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        said(&output).contains("could not be written whole"),
+        "{}",
+        said(&output)
+    );
+}

@@ -16,6 +16,7 @@ mod comparison;
 mod csv;
 mod figures;
 mod folder;
+mod ground;
 mod html;
 mod quantities;
 mod sentences;

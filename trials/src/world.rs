@@ -69,6 +69,11 @@ impl<N: Node> Seat<N> {
             local: Box::new(local),
         }
     }
+
+    /// The node itself.
+    pub const fn node_mut(&mut self) -> &mut N {
+        &mut self.node
+    }
 }
 
 impl<N> Player for Seat<N>

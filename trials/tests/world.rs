@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use support::{configuration, model, over};
-use tandem_link::{Link, Observer, Running, ShellOptions, Sighting, spawn};
+use tandem_link::{Faults, Link, Observer, Running, ShellOptions, Sighting, SpoolOptions, spawn};
 use tandem_trials::{Blueprint, Configuration, Halt, World};
 use tandem_wire::{NodeInfo, NodeName, Numbering, Pace, Ports, SECOND, Session, State, Topic, Trial, decode, encode};
 
@@ -59,6 +59,8 @@ where
             ..NodeInfo::default()
         },
         await_peers: LOOP.into_iter().filter(|name| *name != N::NAME).collect(),
+        spool: SpoolOptions::default(),
+        faults: Faults::default(),
         impairment: blueprint.configuration().impairment.clone(),
     };
     spawn(link, node, options, |_, _| {}).expect("a node starts")

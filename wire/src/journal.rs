@@ -3,7 +3,7 @@
 use bincode::{Decode, Encode};
 
 use crate::codec::Message;
-use crate::{Input, NodeName, Stamp, Topic};
+use crate::{Input, NodeName, Session, Stamp, Topic};
 
 /// One entry of a journal.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
@@ -74,7 +74,23 @@ impl From<Input<'_>> for Happening {
     }
 }
 
+/// Asks a node for entries of its journal. The answer is a [`JournalBatch`] with sequence number 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Question {
+    /// Whose journal.
+    pub node: NodeName,
+    /// Which run of it.
+    pub session: Session,
+    /// The first entry wanted. Whoever asks from the end of a journal says so that everything before is there.
+    pub first: u64,
+    /// The last one; an answer may end before it, and whoever wants the rest asks again.
+    pub last: u64,
+}
+
 /// Some consecutive entries of one node's journal.
+///
+/// In the node's own stream, which is numbered from 1, a batch without entries says how far the journal goes. In an
+/// answer to a [`Question`], entries that are asked for and lie before `first` cannot be had any more.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
 pub struct JournalBatch {
     /// The index of the first entry, from 0.

@@ -29,7 +29,7 @@ pub use codec::{Envelope, Header, Malformed, Message, decode, encode};
 pub use frame::TaskFrame;
 pub use geometry::{Aabb, Finite, Pose, Vec3};
 pub use guard::{Echoes, Guard, Rearm, Refusal, Refusals, StateGuard, stream_timeout};
-pub use journal::{Happening, JournalBatch, JournalEntry};
+pub use journal::{Happening, JournalBatch, JournalEntry, Question};
 pub use keys::{Delivery, NodeName, RobotName, Topic};
 pub use memory::{Memory, Remember, restore, snapshot};
 pub use messages::{

@@ -1,6 +1,6 @@
 //! What a node is: a value with one door.
 
-use crate::{Malformed, NodeName, Remember, Stamp, Topic};
+use crate::{Malformed, NodeName, Question, Remember, Stamp, Topic};
 
 /// A pure step machine.
 ///
@@ -23,6 +23,12 @@ pub trait Node: Remember {
     /// The running trial as far as the node knows, 0 if none runs. Where another one begins, the shell takes a
     /// [`snapshot`](crate::snapshot).
     fn trial(&self) -> u32;
+
+    /// Whether the node, asked to end, still waits for something. The shell goes on for a bounded time and then asks a
+    /// second time, which is final.
+    fn lingers(&self) -> bool {
+        false
+    }
 }
 
 /// Where a step leaves its outputs, in order. Reused from step to step, so it stops allocating.
@@ -103,6 +109,13 @@ pub trait Ports: Node {
     /// Writes an output's bytes into `bytes` (cleared first) and says which topic they belong to;
     /// `None` for an output that stays inside the process.
     fn sample(output: &Self::Output, bytes: &mut Vec<u8>) -> Option<Topic>;
+
+    /// The question that an output puts to another node; its answer comes in as a sample of that node's journal, an
+    /// empty one if nobody answers.
+    fn question(output: &Self::Output) -> Option<Question> {
+        let _ = output;
+        None
+    }
 }
 
 /// A sample that could not be read, as an event.

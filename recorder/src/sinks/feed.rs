@@ -395,7 +395,7 @@ mod tests {
             feed.offer(heard());
         }
         let drops = shared.drops().views.total();
-        assert_eq!(feed.room(), 0);
+        assert!(feed.room() <= 1, "the thread may take its first one this late");
         assert!(
             (95..=96).contains(&drops),
             "four wait, one may be in its hands, {drops} were dropped"

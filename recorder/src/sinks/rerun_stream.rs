@@ -12,9 +12,10 @@ use tandem_wire::Timing;
 
 use super::feed::{Shared, Sink};
 use super::{Notice, OpenError};
+use crate::config::Purpose;
 use crate::heard::Heard;
 use crate::session_file::Provenance;
-use crate::view::{Drawing, Trials, View, layout};
+use crate::view::{Drawing, Meshes, Trials, View, layout};
 
 /// What Rerun shows as the application.
 const APPLICATION: &str = "tandem";
@@ -26,11 +27,21 @@ pub(super) const FILE_BATCH: Duration = Duration::from_secs(1);
 /// What may be on its way inside the SDK. Its default of 100 MiB would be most of our memory while a viewer is frozen.
 const IN_FLIGHT_BYTES: u64 = 4 << 20;
 
+/// What it takes to begin to show.
+#[derive(Clone)]
+pub(super) struct Show {
+    pub(super) timing: Timing,
+    pub(super) provenance: Provenance,
+    pub(super) purpose: Purpose,
+    pub(super) meshes: Option<Meshes>,
+}
+
 /// A view that is drawn into recordings.
 pub(super) struct StreamSink {
     outlet: Outlet,
     batch: Duration,
     provenance: Provenance,
+    purpose: Purpose,
     shared: Arc<Shared>,
     trials: Trials,
     view: View,
@@ -75,13 +86,7 @@ impl LogSink for Outlet {
 
 impl StreamSink {
     /// An `.rrd` file, replacing one that is there. Its index, if any, is kept in memory until the end.
-    pub(super) fn save(
-        path: &Path,
-        has_index: bool,
-        timing: Timing,
-        provenance: &Provenance,
-        shared: Arc<Shared>,
-    ) -> Result<Self, OpenError> {
+    pub(super) fn save(path: &Path, has_index: bool, show: &Show, shared: Arc<Shared>) -> Result<Self, OpenError> {
         // The SDK's own error does not tell a missing folder from a missing permission.
         File::create(path).map_err(|source| OpenError::Recording {
             path: path.to_owned(),
@@ -93,37 +98,27 @@ impl StreamSink {
         let file = FileSink::with_options(path, options).map_err(|source| OpenError::View {
             source: Box::new(source.into()),
         })?;
-        Ok(Self::new(Arc::new(file), FILE_BATCH, timing, provenance, shared))
+        Ok(Self::new(Arc::new(file), FILE_BATCH, show, shared))
     }
 
     /// A viewer's address.
-    pub(super) fn connect(
-        url: &str,
-        timing: Timing,
-        provenance: &Provenance,
-        shared: Arc<Shared>,
-    ) -> Result<Connected, Notice> {
+    pub(super) fn connect(url: &str, show: &Show, shared: Arc<Shared>) -> Result<Connected, Notice> {
         let uri = url.parse().map_err(|error| failed(&error))?;
         let grpc = Arc::new(GrpcSink::new(uri));
         let connection = Connection(Arc::clone(&grpc));
-        let sink = Self::new(grpc, LIVE_BATCH, timing, provenance, shared);
+        let sink = Self::new(grpc, LIVE_BATCH, show, shared);
         Ok(Connected { sink, connection })
     }
 
-    fn new(
-        outlet: Arc<dyn LogSink>,
-        batch: Duration,
-        timing: Timing,
-        provenance: &Provenance,
-        shared: Arc<Shared>,
-    ) -> Self {
+    fn new(outlet: Arc<dyn LogSink>, batch: Duration, show: &Show, shared: Arc<Shared>) -> Self {
         Self {
             outlet: Outlet(outlet),
             batch,
-            provenance: provenance.clone(),
+            provenance: show.provenance.clone(),
+            purpose: show.purpose,
             shared,
             trials: Trials::default(),
-            view: View::new(timing),
+            view: View::new(show.timing).with_meshes(show.meshes.clone()),
             drawings: Vec::with_capacity(64),
             stream: None,
             has_layout: false,
@@ -161,7 +156,8 @@ impl StreamSink {
             .map_err(|error| failed(&error))?;
         stream.set_sink(Box::new(self.outlet.clone()));
         if !std::mem::replace(&mut self.has_layout, true) {
-            layout::send(&stream, layout::Purpose::Watching).map_err(|error| failed(&error))?;
+            let layout = layout::Layout::Watching(self.purpose);
+            layout::send(&stream, layout).map_err(|error| failed(&error))?;
         }
         if let Some(before) = self.stream.replace(stream) {
             before.flush_async().map_err(|error| failed(&error))?;

@@ -11,16 +11,14 @@ use std::thread;
 use std::time::Duration;
 
 use crossbeam_channel::{Receiver, Sender, after, bounded};
-use tandem_wire::Timing;
 
 use super::Notice;
 use super::feed::{Shared, Sink};
 use super::history::History;
 use super::program;
-use super::rerun_stream::{Connected, StreamSink};
+use super::rerun_stream::{Connected, Show, StreamSink};
 use crate::config::ViewTarget;
 use crate::heard::Heard;
-use crate::session_file::Provenance;
 
 /// How many flushes nobody may answer before we say so; trying goes on.
 const PATIENCE: u32 = 4;
@@ -28,14 +26,6 @@ const PATIENCE: u32 = 4;
 const LOOK_EVERY: Duration = Duration::from_millis(250);
 /// How long an attempt waits for news before it looks at its connection.
 const NEWS_WITHIN: Duration = Duration::from_millis(100);
-
-/// What it takes to begin to show.
-#[derive(Clone)]
-pub(super) struct Show {
-    pub(super) timing: Timing,
-    pub(super) provenance: Provenance,
-    pub(super) history_bytes: usize,
-}
 
 /// ```text
 ///          begin              somebody listens            connection lost
@@ -66,8 +56,8 @@ const SHOWING: u8 = 1;
 const GONE: u8 = 2;
 
 impl ViewerSink {
-    pub(super) fn new(target: ViewTarget, show: Show, shared: Arc<Shared>) -> Self {
-        let history = Arc::new(History::new(show.history_bytes));
+    pub(super) fn new(target: ViewTarget, show: Show, history_bytes: usize, shared: Arc<Shared>) -> Self {
+        let history = Arc::new(History::new(history_bytes));
         Self {
             target,
             show,
@@ -203,12 +193,7 @@ impl Worker {
             }
             after(LOOK_EVERY).recv().ok();
         }
-        if let Ok(connected) = StreamSink::connect(
-            &self.url,
-            self.show.timing,
-            &self.show.provenance,
-            Arc::clone(&self.shared),
-        ) {
+        if let Ok(connected) = StreamSink::connect(&self.url, &self.show, Arc::clone(&self.shared)) {
             self.phase.store(SHOWING, Ordering::Relaxed);
             self.follow(connected).ok();
         }

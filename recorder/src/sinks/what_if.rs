@@ -72,7 +72,7 @@ fn open(path: &Path, provenance: &Provenance, name: &str) -> rerun::RecordingStr
         .buffered()?;
     let options = FileSinkOptions { write_footer: true };
     stream.set_sink(Box::new(FileSink::with_options(path, options)?));
-    layout::send(&stream, layout::Purpose::Comparing)?;
+    layout::send(&stream, layout::Layout::Comparing)?;
     Ok(stream)
 }
 

@@ -25,6 +25,10 @@ fn draw_with(bodies: &[Body], state: &State, link: Color, tool: Color, fill: Fil
     );
     let colours = placed.iter().map(|body| if body.is_tool { tool } else { link });
     sheet.draw("world/arm", &capsules.with_colors(colours).with_fill_mode(fill));
+}
+
+/// The tip of the tool, which neither shapes nor meshes show.
+pub(super) fn draw_tool(tool: Color, state: &State, sheet: &mut Sheet<'_>) {
     let tip = xyz(state.tool.position);
     let dot = rerun::Points3D::new([tip]).with_radii([0.007]).with_colors([tool]);
     sheet.draw("world/tool", &dot);

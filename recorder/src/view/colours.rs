@@ -13,6 +13,10 @@ pub(super) const START: Color = opaque(170, 170, 178);
 pub(super) const WORKSPACE: Color = opaque(84, 88, 100);
 pub(super) const LINK: Color = opaque(196, 200, 208);
 pub(super) const TOOL: Color = opaque(250, 220, 90);
+/// Words that nobody's colour fits: the grey of what is held cannot be read on the grey behind a label.
+pub(super) const WORD: Color = opaque(240, 240, 244);
+/// Behind everything: dark, and of no colour that means something.
+pub(super) const BACKGROUND: Color = opaque(16, 17, 22);
 /// The forecast's line: the robot's colour, paler than the path that is drawn over it.
 pub(super) const FORECAST: Color = opaque(140, 210, 255);
 pub(super) const INTERVAL: Color = Color(rerun::datatypes::Rgba32::from_unmultiplied_rgba(66, 150, 250, 70));

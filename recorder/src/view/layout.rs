@@ -6,17 +6,20 @@ mod comparison;
 
 use rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg};
 use rerun::external::re_sdk_types::blueprint::archetypes::{
-    ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend, ScalarAxis, SpatialInformation,
-    TextLogColumns, TimeAxis, TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint, VisualBounds2D,
+    Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend, ScalarAxis,
+    SpatialInformation, TextLogColumns, TimeAxis, TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint,
+    VisualBounds2D,
 };
 use rerun::external::re_sdk_types::blueprint::components::{
-    ContainerKind, Corner2D, Eye3DKind, GridSpacing, PanelState, PlayState, ViewClass, VisualBounds2D as Bounds,
+    BackgroundKind, ContainerKind, Corner2D, Eye3DKind, GridSpacing, PanelState, PlayState, ViewClass,
+    VisualBounds2D as Bounds,
 };
 use rerun::external::re_sdk_types::blueprint::datatypes::{TextLogColumn, TextLogColumnKind, TimelineColumn};
 use rerun::external::re_sdk_types::datatypes::{Range2D, TimeRange, TimeRangeBoundary, Uuid};
 use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, RecordingStreamResult};
 
 use super::colours;
+use crate::config::Purpose;
 
 /// The timeline of control periods.
 pub(crate) const TICK: &str = "tick";
@@ -30,17 +33,17 @@ pub(crate) const TRIAL_TIME: &str = "trial_time";
 const PLAN_ACROSS: [f64; 2] = [-0.34, 0.34];
 const PLAN_DOWN: [f64; 2] = [0.29, 0.63];
 
-/// What the layout is for.
+/// What is laid out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Purpose {
-    /// One run: live, recorded or played.
-    Watching,
+pub(crate) enum Layout {
+    /// One run.
+    Watching(Purpose),
     /// Two runs of the same session side by side.
     Comparing,
 }
 
 /// Makes this the layout of `recording`, in whatever it streams to.
-pub(crate) fn send(recording: &RecordingStream, purpose: Purpose) -> RecordingStreamResult<()> {
+pub(crate) fn send(recording: &RecordingStream, layout: Layout) -> RecordingStreamResult<()> {
     let Some(info) = recording.store_info() else {
         return Ok(());
     };
@@ -51,9 +54,9 @@ pub(crate) fn send(recording: &RecordingStream, purpose: Purpose) -> RecordingSt
         blueprint: &blueprint,
         made: 0,
     };
-    match purpose {
-        Purpose::Watching => sketch.draw()?,
-        Purpose::Comparing => sketch.draw_comparison()?,
+    match layout {
+        Layout::Watching(purpose) => sketch.draw(purpose)?,
+        Layout::Comparing => sketch.draw_comparison()?,
     }
     blueprint.flush_blocking().ok();
     let messages = storage.take();
@@ -91,8 +94,18 @@ struct ViewSpec<'a> {
 }
 
 impl Sketch<'_> {
-    fn draw(mut self) -> RecordingStreamResult<()> {
-        let left = [self.now(0.75)?, self.world(5.6)?, self.lanes(1.7)?, self.log(1.9)?];
+    fn draw(mut self, purpose: Purpose) -> RecordingStreamResult<()> {
+        // The lanes need more height than the plot that stands in front of them live.
+        let (lanes, log) = match purpose {
+            Purpose::Live => (1.7, 2.5),
+            Purpose::Replay => (2.6, 2.2),
+        };
+        let left = [
+            self.now(0.75)?,
+            self.world(5.0)?,
+            self.lanes(lanes, purpose)?,
+            self.log(log)?,
+        ];
         let left = self.container(ContainerKind::Vertical, "who drives", &left, 1.25)?;
         let right = [
             self.plan(4.2)?,
@@ -155,6 +168,7 @@ impl Sketch<'_> {
         let grid = LineGrid3D::new()
             .with_spacing(GridSpacing(0.1.into()))
             .with_color(colours::WORKSPACE);
+        let background = Background::new(BackgroundKind::SolidColor).with_color(colours::BACKGROUND);
         let information = SpatialInformation::new("tf#/world").with_show_axes(false);
         self.view(&ViewSpec {
             class: "3D",
@@ -164,6 +178,7 @@ impl Sketch<'_> {
             properties: &[
                 ("EyeControls3D", &eye),
                 ("LineGrid3D", &grid),
+                ("Background", &background),
                 ("SpatialInformation", &information),
             ],
         })
@@ -189,7 +204,7 @@ impl Sketch<'_> {
 
     /// The lanes say most, but their view keeps the range of time that it had when it opened, which in a live view is
     /// nothing yet. So a plot that follows stands in front of them.
-    fn lanes(&mut self, share: f32) -> RecordingStreamResult<Part> {
+    fn lanes(&mut self, share: f32, purpose: Purpose) -> RecordingStreamResult<Part> {
         let lanes = ViewSpec {
             class: "StateTimeline",
             name: "Lanes: driver, reason, trial (double-click to fit)",
@@ -198,10 +213,14 @@ impl Sketch<'_> {
             properties: &[],
         };
         let levels = Some([-0.6, 3.6]);
-        let tabs = [
+        let mut tabs = [
             self.plot("Who drives", "plots/driver", levels, 1.0)?,
             self.view(&lanes)?,
         ];
+        if purpose == Purpose::Replay {
+            // What is over has its whole range when the view opens.
+            tabs.reverse();
+        }
         self.container(ContainerKind::Tabs, "Who drives", &tabs, share)
     }
 

@@ -49,7 +49,7 @@ impl Status {
         // The hand is above the tool, where the word hides neither path nor goal.
         if let Some(hand) = state.links.last() {
             let (text, colour) = if self.outcome.is_some() {
-                ("over".to_owned(), colours::HELD)
+                ("over".to_owned(), colours::WORD)
             } else {
                 word(state)
             };
@@ -104,8 +104,8 @@ fn word(state: &State) -> (String, rerun::Color) {
                 let driver = Driver::of(&obeyed.setpoint);
                 (driver.name().to_owned(), driver.colour())
             }
-            None => (String::new(), colours::HELD),
+            None => (String::new(), colours::WORD),
         };
     };
-    (format!("held: {reason}"), colours::HELD)
+    (format!("held: {reason}"), colours::WORD)
 }

@@ -135,6 +135,7 @@ impl Comparison {
         let tool = state.tool.position;
         half.tool = Some(tool);
         arm::draw_in(side.colour(), &half.bodies, state, sheet);
+        arm::draw_tool(side.colour(), state, sheet);
         half.trace.draw(tool, side.colour(), sheet);
         if let Some(clearance) = state.closest.or(state.clearance) {
             sheet.plot(&format!("plots/clearance/{}", side.name()), clearance.distance.0 * 1e3);

@@ -51,8 +51,11 @@ pub(crate) fn record(samples: &[Sample], timing: Timing) -> Vec<Output> {
         outputs.extend(outbox.drain());
         last = *at;
     }
-    recorder.step(last, Recorder::event(Input::Stop), &mut outbox);
-    outputs.extend(outbox.drain());
+    // Once to ask for the journals' ends, and once because nobody answers.
+    for _ in 0..2 {
+        recorder.step(last, Recorder::event(Input::Stop), &mut outbox);
+        outputs.extend(outbox.drain());
+    }
     outputs
 }
 

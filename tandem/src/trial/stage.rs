@@ -4,6 +4,8 @@
 //! Nodes that live for one trial keep conditions apart for certain: nothing that one law learnt or one human felt is
 //! left for the next. Before new ones start, the old ones' presence has gone, so that nobody waits for a ghost.
 
+mod following;
+
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
@@ -14,13 +16,12 @@ use crossbeam_channel::Receiver;
 use tandem_link::{Link, Observer, Running, Sighting};
 use tandem_operator::Status;
 use tandem_trials::{Blueprint, Trace, Tracer};
-use tandem_wire::{JournalBatch, NodeName, Pace, Stamp, State, Topic, Trial, Vec3, codec, decode, seconds};
+use tandem_wire::{JournalBatch, NodeName, Pace, Stamp, Topic, Trial, Vec3, decode, seconds};
 
+pub(crate) use self::following::{End, Following};
 use super::TrialMarks;
 use crate::parts::{LOOP, Parts, RunningRecorder, lost};
 
-/// This long without a state means that somebody does not answer.
-const STALL: Duration = Duration::from_secs(2);
 /// How long the nodes may take to find each other, or to be gone.
 const GATHERING: Duration = Duration::from_secs(10);
 /// How long the last words may be on their way.
@@ -29,21 +30,6 @@ const DRAINING: Duration = Duration::from_secs(1);
 const POLL: Duration = Duration::from_millis(50);
 /// In lockstep: control periods between two trials, so that their times do not touch.
 const GAP_TICKS: u32 = 10;
-
-/// How a trial came to its end.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum End {
-    /// The human let go for good.
-    Over,
-    /// The time limit passed.
-    TimeUp,
-    /// It cannot go on, for this reason.
-    Aborted(String),
-    /// The person wants it to end: once more from the start, or for now.
-    Left { repeat: bool },
-    /// The program shall end.
-    Interrupted,
-}
 
 /// A trial that was driven.
 #[derive(Debug)]
@@ -90,6 +76,8 @@ struct Recording {
     file: String,
     /// In lockstep the recorder counts time in this period, so another one needs another file.
     period: u64,
+    /// When the file's first message came: in real time a session's seconds count from there.
+    first: Option<Stamp>,
 }
 
 impl Stage {
@@ -147,7 +135,12 @@ impl Stage {
         let sinks = parts.sinks()?;
         let recorder = parts.recorder(&self.edge, sinks)?;
         self.sessions.push(file.clone());
-        self.recording = Some(Recording { recorder, file, period });
+        self.recording = Some(Recording {
+            recorder,
+            file,
+            period,
+            first: None,
+        });
         Ok(())
     }
 
@@ -234,7 +227,7 @@ impl Stage {
         let period = seconds(task.blueprint.timing().period);
         let began_s = match self.pace {
             Pace::Lockstep => f64::from(trace.began_at) * period,
-            Pace::Real => began.map_or(0.0, Stamp::seconds),
+            Pace::Real => began.map_or(0.0, |began| seconds(began.0.saturating_sub(self.first_message().0))),
         };
         Ok(Driven {
             end,
@@ -243,6 +236,11 @@ impl Stage {
             session,
             began_s,
         })
+    }
+
+    fn first_message(&self) -> Stamp {
+        let first = self.recording.as_ref().and_then(|recording| recording.first);
+        first.unwrap_or(Stamp(0))
     }
 
     fn start(&self, parts: &Parts, wishes: &Wishes) -> anyhow::Result<Vec<(NodeName, Running)>> {
@@ -305,6 +303,11 @@ impl Stage {
     }
 
     fn note(&mut self, sighting: &Sighting) {
+        if let (Some(recording), Sighting::Sample { topic, at, .. }) = (&mut self.recording, sighting)
+            && !matches!(topic, Topic::Journal(_))
+        {
+            recording.first.get_or_insert(*at);
+        }
         match sighting {
             Sighting::Presence { peer, alive: true } => {
                 self.present.insert(*peer);
@@ -341,142 +344,6 @@ fn ticks(task: &Task<'_>) -> u32 {
     )]
     let periods = periods.ceil() as u32;
     periods.saturating_add(30)
-}
-
-/// Whose message of a tick is awaited, in the order in which they follow each other.
-const RELAY: [(Topic, NodeName); 4] = [
-    (Topic::State, NodeName::RobotSim),
-    (Topic::Command, NodeName::Operator),
-    (Topic::Proposal, NodeName::Predictor),
-    (Topic::Setpoint, NodeName::Arbiter),
-];
-
-/// Follows one trial from outside, as any listener could.
-pub(crate) struct Following<'a> {
-    tracer: Tracer,
-    nodes: &'a [(NodeName, Running)],
-    stage: &'a mut Stage,
-    interrupted: &'a Receiver<()>,
-    newest: [Option<u32>; 4],
-    /// When the last state came.
-    progressed: Instant,
-    /// When the trial's first state came.
-    began: Option<Stamp>,
-    limit_ticks: u32,
-}
-
-impl Following<'_> {
-    /// Waits for the end of a trial that drives itself. `show` sees how far it is.
-    pub(crate) fn until_over(&mut self, mut show: impl FnMut(&Tracer)) -> End {
-        loop {
-            if let Some(end) = self.poll(POLL) {
-                return end;
-            }
-            show(&self.tracer);
-        }
-    }
-
-    /// The trial so far.
-    pub(crate) const fn tracer(&self) -> &Tracer {
-        &self.tracer
-    }
-
-    /// The operator's node, for whoever has a keyboard.
-    pub(crate) fn operator(&self) -> Option<&Running> {
-        self.nodes.first().map(|(_, node)| node)
-    }
-
-    /// Takes in the next thing that is seen within `wait`; says how the trial ended, if it did.
-    pub(crate) fn poll(&mut self, wait: Duration) -> Option<End> {
-        if self.interrupted.try_recv().is_ok() {
-            return Some(End::Interrupted);
-        }
-        match self.stage.observer.next(wait) {
-            Some(sighting) => self.see(&sighting),
-            None => {
-                if let Some(gone) = self.gone() {
-                    return Some(End::Aborted(gone));
-                }
-            }
-        }
-        if self.tracer.is_over() {
-            Some(End::Over)
-        } else if self.tracer.elapsed_ticks() >= self.limit_ticks {
-            Some(End::TimeUp)
-        } else {
-            None
-        }
-    }
-
-    fn see(&mut self, sighting: &Sighting) {
-        if let Sighting::Sample { topic, bytes, at } = sighting {
-            if let Some(place) = RELAY.iter().position(|(relayed, _)| relayed == topic)
-                && let Ok((_, header)) = codec::peek(bytes)
-            {
-                self.newest[place] = Some(header.tick);
-            }
-            if *topic == Topic::State {
-                self.progressed = Instant::now();
-                if self.began.is_none() && decode::<State>(bytes).is_ok_and(|state| state.body.trial > 0) {
-                    self.began = Some(*at);
-                }
-            }
-        }
-        self.stage.see(sighting, &mut self.tracer);
-    }
-
-    /// Why the trial cannot go on, if it cannot.
-    fn gone(&self) -> Option<String> {
-        if let Some((name, _)) = self.nodes.iter().find(|(_, node)| node.is_finished()) {
-            return Some(format!("{name} ended in the middle of the trial"));
-        }
-        (self.progressed.elapsed() > STALL)
-            .then(|| format!("no state for {} s: {} does not answer", STALL.as_secs(), self.awaited()))
-    }
-
-    /// In lockstep: whose message of the newest tick is missing.
-    fn awaited(&self) -> NodeName {
-        let newest = self.newest[0];
-        let missing = RELAY.iter().zip(self.newest).find(|(_, tick)| *tick < newest);
-        match (self.stage.pace, missing) {
-            (Pace::Lockstep, Some(((_, node), _))) => *node,
-            _ => NodeName::RobotSim,
-        }
-    }
-
-    /// Waits until all five nodes are there.
-    fn gather(&mut self) -> anyhow::Result<()> {
-        let limit = Instant::now() + GATHERING;
-        while let Some(name) = NodeName::ALL
-            .into_iter()
-            .find(|name| !self.stage.present.contains(name))
-        {
-            match self.stage.observer.next(POLL) {
-                Some(sighting) => self.see(&sighting),
-                None if self.gone_early() => bail!("{name} did not come up"),
-                None if Instant::now() > limit => bail!("{name} did not come up within {} s", GATHERING.as_secs()),
-                None => {}
-            }
-        }
-        Ok(())
-    }
-
-    fn gone_early(&self) -> bool {
-        self.nodes.iter().any(|(_, node)| node.is_finished())
-    }
-}
-
-impl std::fmt::Display for End {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Over => f.write_str("over"),
-            Self::TimeUp => f.write_str("time is up"),
-            Self::Aborted(why) => write!(f, "aborted: {}", why.chars().take(200).collect::<String>()),
-            Self::Left { repeat: true } => f.write_str("to be repeated"),
-            Self::Left { repeat: false } => f.write_str("left"),
-            Self::Interrupted => f.write_str("interrupted"),
-        }
-    }
 }
 
 #[cfg(test)]

@@ -3,89 +3,19 @@
 use std::collections::BTreeMap;
 
 use super::Report;
-use super::case::{Case, Curves, Dot, thinned};
+use super::case::{Case, Curves, thinned};
+use super::ground::{Ground, corners};
 use super::quantities::{EFFORT, QUANTITIES, Quantity};
 use super::sentences::group_name;
 use super::svg::{Scale, Svg, range};
 
 /// Single trials that one column of dots or one panel of curves shows.
 const SHOWN: usize = 60;
+/// More conditions than these do not find room for their names beside each other.
+const CROWDED: usize = 3;
 
 /// Colours of conditions, by their place; more begin again.
 pub(super) const COLOURS: usize = 7;
-
-/// A point of the table seen from above, for drawing.
-pub(super) struct Ground {
-    x: Scale,
-    y: Scale,
-    /// Pixels per metre.
-    zoom: f64,
-}
-
-impl Ground {
-    /// As large as fits, with equal scales: everything between the corners, seen from above.
-    pub(super) fn new(corners: ((f64, f64), (f64, f64)), at: (f64, f64), size: (f64, f64)) -> Self {
-        let ((x0, x1), (y0, y1)) = corners;
-        let zoom = (size.0 / (x1 - x0).max(1e-3)).min(size.1 / (y1 - y0).max(1e-3));
-        let (wide, high) = (zoom * (x1 - x0), zoom * (y1 - y0));
-        let (left, top) = (at.0 + (size.0 - wide) / 2.0, at.1 + (size.1 - high) / 2.0);
-        Self {
-            x: Scale::new((x0, x1), (left, left + wide)),
-            y: Scale::new((y0, y1), (top, top + high)),
-            zoom,
-        }
-    }
-
-    pub(super) fn at(&self, [x, y]: Dot) -> (f64, f64) {
-        (self.x.at(f64::from(x)), self.y.at(f64::from(y)))
-    }
-
-    pub(super) fn curve<'a>(&'a self, dots: &'a [Dot]) -> impl Iterator<Item = (f64, f64)> + 'a {
-        dots.iter().map(|dot| self.at(*dot))
-    }
-
-    /// Obstacles and goal.
-    pub(super) fn scenery(&self, svg: &mut Svg, curves: &Curves) {
-        for (centre, radius) in &curves.obstacles {
-            svg.disc("obstacle", self.at(*centre), self.zoom * f64::from(*radius), "obstacle");
-        }
-        if let Some((goal, tolerance)) = curves.goal {
-            svg.disc(
-                "goal",
-                self.at(goal),
-                (self.zoom * f64::from(tolerance)).max(4.0),
-                "goal and its tolerance",
-            );
-        }
-    }
-
-    /// A bar of ten centimetres.
-    pub(super) fn ruler(&self, svg: &mut Svg, (x, y): (f64, f64)) {
-        svg.line("ruler", (x, y), (x + 0.1 * self.zoom, y));
-        svg.text("", (x + 0.1 * self.zoom + 5.0, y + 4.0), "10 cm");
-    }
-}
-
-/// The smallest rectangle around what the tools of these trials did, their goals and obstacles.
-pub(super) fn corners<'a>(curves: impl Iterator<Item = &'a Curves> + Clone) -> ((f64, f64), (f64, f64)) {
-    let along = |axis: usize| {
-        let values = curves.clone().flat_map(move |curves| {
-            let tools = curves
-                .tool
-                .iter()
-                .chain(&curves.wish)
-                .map(move |dot| f64::from(dot[axis]));
-            let goal = curves.goal.iter().map(move |(goal, _)| f64::from(goal[axis]));
-            let obstacles = curves.obstacles.iter().flat_map(move |(centre, radius)| {
-                [-1.0, 1.0].map(|side| f64::from(centre[axis]) + side * f64::from(*radius))
-            });
-            tools.chain(goal).chain(obstacles)
-        });
-        let (low, high) = range(values).unwrap_or((0.0, 1.0));
-        (low - 0.015, high + 0.015)
-    };
-    (along(0), along(1))
-}
 
 impl Report {
     fn colour(&self, condition: &str) -> usize {
@@ -96,7 +26,12 @@ impl Report {
     /// Means with their 95 % intervals and single trials, per group and condition.
     pub(super) fn error_bars(&self, quantity: &Quantity, size: (f64, f64)) -> String {
         let (width, height) = size;
-        let (left, right, top, bottom) = (52.0, width - 8.0, 12.0, height - 62.0);
+        let below = if self.setup.conditions.len() > CROWDED {
+            75.0
+        } else {
+            62.0
+        };
+        let (left, right, top, bottom) = (52.0, width - 8.0, 12.0, height - below);
         let values = self.trials.iter().filter_map(|case| (quantity.of)(&case.measures));
         let bars = self.summaries.iter().filter_map(|summary| summary.mean(quantity.key));
         let ends = bars.flat_map(|mean| [-1.0, 1.0].map(|side| mean.mean + side * mean.margin.unwrap_or(0.0)));
@@ -126,10 +61,14 @@ impl Report {
         for (place, group) in self.groups.iter().enumerate() {
             let start = left + column * place as f64;
             if place > 0 {
-                svg.line("axis", (start, top), (start, bottom + 50.0));
+                svg.line("axis", (start, top), (start, bottom + below - 12.0));
             }
             self.group_of_bars(&mut svg, quantity, group, (start, start + column), &y);
-            svg.text("mid strong", (start + column / 2.0, bottom + 50.0), &group_name(group));
+            svg.text(
+                "mid strong",
+                (start + column / 2.0, bottom + below - 12.0),
+                &group_name(group),
+            );
         }
         svg.line("axis", (left, bottom), (right, bottom));
         svg.finish()
@@ -177,9 +116,10 @@ impl Report {
                 );
                 svg.disc(&format!("mean c{colour}"), (x, centre), 4.5, &says);
             }
-            // Many conditions: their names alternate between two rows.
-            let row = if count > 3.0 && place % 2 == 1 { 29.0 } else { 16.0 };
-            svg.text("mid", (x, y.start() + row), &shortened(label, room));
+            // Many conditions: their names alternate between three rows.
+            let rows = if self.setup.conditions.len() > CROWDED { 3 } else { 1 };
+            let row = 16.0 + 13.0 * (place % rows) as f64;
+            svg.text("mid", (x, y.start() + row), &shortened(label, room * rows as f64));
         }
     }
 
@@ -391,7 +331,7 @@ fn shortened(text: &str, room: f64) -> String {
         clippy::cast_sign_loss,
         reason = "a few dozen letters"
     )]
-    let most = (room * 1.8 / 7.0).clamp(4.0, 60.0) as usize;
+    let most = (room * 0.93 / 7.0).clamp(4.0, 60.0) as usize;
     if text.chars().count() <= most {
         text.to_owned()
     } else {

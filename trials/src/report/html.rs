@@ -8,6 +8,11 @@ use super::{ALL, Report};
 
 const STYLE: &str = include_str!("report.css");
 
+/// So many comparisons of one quantity are told in sentences, each.
+const TOLD: usize = 8;
+/// The columns of the table of paired tests.
+const PAIRED_COLUMNS: usize = 11;
+
 impl Report {
     /// The page.
     #[must_use]
@@ -46,9 +51,24 @@ impl Report {
             return String::new();
         };
         let sentences = self.comparisons.iter().filter(|one| one.quantity == EFFORT);
-        let list: String = sentences
+        let all: Vec<&Comparison> = sentences.collect();
+        // Many comparisons: a sentence for each would bury those that found something. The table has every one.
+        let (told, rest) = if all.len() > TOLD {
+            all.into_iter().partition(|one| one.holm_p.is_some_and(|p| p < 0.05))
+        } else {
+            (all, Vec::new())
+        };
+        let mut list: String = told
+            .iter()
             .map(|one| format!("<li>{}</li>\n", escaped(&self.meaning(one))))
             .collect();
+        if !rest.is_empty() {
+            list += &format!(
+                "<li>In {} other comparisons chance explains as much as was found, or nothing can be tested: see the table \
+                 below.</li>\n",
+                rest.len()
+            );
+        }
         format!(
             "<h2>Human effort</h2>\n<figure>{}<figcaption>The mean norm of the human's velocity over the steps after the \
              checkpoint, before weight and limits. Large dots: mean over trials with its 95 % interval (Student's t); \
@@ -65,15 +85,19 @@ impl Report {
             "<h2>Paired tests, one value per trial</h2>\n<p>{}</p>\n",
             escaped(HOW_TO_READ)
         );
-        text += "<table class=\"tests\"><thead><tr><th>quantity</th><th>contexts</th><th>compared</th><th>pairs</th><th>difference</th>\
+        text += "<div class=\"wide\"><table class=\"tests\"><thead><tr><th>contexts</th><th>compared</th><th>pairs</th><th>difference</th>\
                  <th>95 % interval</th><th>d<sub>z</sub></th><th>rank-biserial</th><th>paired t</th><th>Wilcoxon</th>\
                  <th>permutation</th><th>after Holm</th></tr></thead><tbody>\n";
-        text += &self
-            .comparisons
-            .iter()
-            .map(|one| self.paired_row(one))
-            .collect::<String>();
-        text += "</tbody></table>\n<ul>";
+        let mut above = "";
+        for one in &self.comparisons {
+            if let Some(quantity) = quantity(one.quantity).filter(|quantity| quantity.key != above) {
+                above = quantity.key;
+                let heading = heading(quantity.label, quantity.unit);
+                text += &format!("<tr class=\"part\"><th colspan=\"{PAIRED_COLUMNS}\">{heading}</th></tr>\n");
+            }
+            text += &self.paired_row(one);
+        }
+        text += "</tbody></table></div>\n<ul>";
         let others = self
             .comparisons
             .iter()
@@ -83,14 +107,14 @@ impl Report {
             .collect::<String>();
         text += "</ul>\n<h2>The paper's tests, one sample per step</h2>\n";
         text += &format!("<p>{}</p>\n", escaped(STEPS_ARE_NOT_INDEPENDENT));
-        text += "<table class=\"tests\"><thead><tr><th>contexts</th><th>compared</th><th>N steps</th><th>N trials</th><th>t</th><th>p</th>\
+        text += "<div class=\"wide\"><table class=\"tests\"><thead><tr><th>contexts</th><th>compared</th><th>N steps</th><th>N trials</th><th>t</th><th>p</th>\
                  <th>Welch t</th><th>p</th><th>U</th><th>p</th><th>Cohen's d</th><th>next-step correlation</th></tr></thead><tbody>\n";
         text += &self
             .comparisons
             .iter()
             .map(|one| self.steps_row(one))
             .collect::<String>();
-        text += "</tbody></table>\n<ul>";
+        text += "</tbody></table></div>\n<ul>";
         for one in &self.comparisons {
             if let Some(steps) = &one.steps {
                 text += &format!("<li>{}</li>\n", escaped(&self.steps_meaning(one, steps)));
@@ -111,8 +135,7 @@ impl Report {
         };
         // Where nothing can be tested one cell says why, instead of eight that repeat it.
         let head = format!(
-            "<tr{clear}><td>{}</td><td>{}</td><td>{} − {}</td><td>{}</td>",
-            heading(quantity.label, quantity.unit),
+            "<tr{clear}><td>{}</td><td>{} − {}</td><td>{}</td>",
             escaped(&one.group),
             escaped(self.label(&one.first)),
             escaped(self.label(&one.second)),
@@ -189,8 +212,10 @@ impl Report {
         let others = QUANTITIES
             .iter()
             .filter(|quantity| quantity.tested && quantity.key != EFFORT);
+        // The names of many conditions need the whole width.
+        let small = if self.setup.conditions.len() > 4 { 1080.0 } else { 532.0 };
         let bars: String = others
-            .map(|quantity| self.error_bars(quantity, (532.0, 250.0)))
+            .map(|quantity| self.error_bars(quantity, (small, 250.0)))
             .collect();
         format!(
             "<h2>What the tool did</h2>\n<div class=\"panels\">{}</div>\n<p class=\"caption\">Seen from above, the robot's base \

@@ -2,7 +2,7 @@
 
 use super::Report;
 use super::case::Case;
-use super::figures::{Ground, corners};
+use super::ground::{Ground, corners};
 use super::quantities::QUANTITIES;
 use super::svg::{Scale, Svg, escaped};
 
