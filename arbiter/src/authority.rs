@@ -72,7 +72,10 @@ impl Helm {
     /// A loss that goes on keeps its first reason, so that it tells the silence after which motion was stopped.
     pub(crate) fn stop(&mut self, reason: Reason) -> bool {
         self.rearm.spend();
-        let goes_on = matches!(self.authority, Authority::Held(old) if discriminant(&old) == discriminant(&reason));
+        // Of two emergency stops the newer is told, for it is the one to be cleared.
+        let stopped = matches!(reason, Reason::EmergencyStop { .. }) && self.authority != Authority::Held(reason);
+        let goes_on =
+            !stopped && matches!(self.authority, Authority::Held(old) if discriminant(&old) == discriminant(&reason));
         if !goes_on {
             self.authority = Authority::Held(reason);
         }
@@ -82,6 +85,11 @@ impl Helm {
     /// Another operator is heard from now on: what the one before pressed does not count.
     pub(crate) fn change_hands(&mut self) {
         self.rearm.spend();
+    }
+
+    /// Another operator is heard from now on, by a press that was made while nobody drove: it counts.
+    pub(crate) fn hand_over(&mut self) {
+        self.rearm = Rearm::Open;
     }
 
     /// A command was admitted while no stream is lost.

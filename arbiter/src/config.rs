@@ -1,8 +1,9 @@
 //! The `[arbiter]` section, and the checked rules it becomes.
 
 use tandem_settings::{choices, settings};
-use tandem_wire::{Aabb, Finite, Law, Timing, Vec3};
+use tandem_wire::{Aabb, Finite, Law, MILLISECOND, Timing, Vec3};
 
+use crate::lease::Terms;
 use crate::limits::Bounds;
 use crate::weight::{Attention, WeightRules};
 
@@ -53,6 +54,12 @@ settings! {
         /// The hardest change of speed, in metres per second squared: at 10 a stream of 50 Hz may still change by 0.2 m/s
         /// from one setpoint to the next. The Panda's own limit is 13.
         pub tool_acceleration_m_s2: f64 = 10.0, in 0.1..=13.0;
+        /// An operator whose commands are silent for longer has lost the lease, in milliseconds.
+        pub lease_timeout_ms: u32 = 2000, in 100..=60000;
+        /// An operator that has let go of the deadman for longer gives way to whoever presses, in milliseconds.
+        pub lease_idle_ms: u32 = 10000, in 0..=3600000;
+        /// Operators of these names may take the lease from whoever holds it. Names are not proven without certificates.
+        pub supervisors: Vec<String> = ["supervisor"];
         /// The corner of the workspace with the smallest coordinates, in the base frame, in metres.
         pub workspace_min_m: [f64; 3] = [0.2, -0.5, 0.02], in -2.0..=2.0;
         /// The corner with the largest.
@@ -99,6 +106,13 @@ impl ArbiterSettings {
             },
             fall_per_tick: (fall > 0.0).then(|| fall * timing.period_s()),
             yields_to_push: self.yield_to_push,
+        }
+    }
+
+    pub(crate) fn terms(&self) -> Terms {
+        Terms {
+            timeout: u64::from(self.lease_timeout_ms) * MILLISECOND,
+            idle: u64::from(self.lease_idle_ms) * MILLISECOND,
         }
     }
 

@@ -7,8 +7,10 @@
 use bincode::{Decode, Encode};
 use tandem_wire::{
     Command, Echoes, Envelope, Guard, Guidance, Header, Malformed, Memory, MessageId, Nanos, Pace, Proposal, Reason,
-    Refusal, Refusals, Remember, Session, Stamp, State, StateGuard, Timing, Used, Vec3,
+    Refusal, Refusals, Remember, Stamp, State, StateGuard, Timing, Used, Vec3,
 };
+
+use crate::lease::{Desk, Tenure, Terms};
 
 /// The three streams.
 #[derive(Clone, Debug)]
@@ -17,14 +19,11 @@ pub(crate) struct Hearing {
     loop_age_limit: Nanos,
     stream_period: Nanos,
     states: StateGuard,
-    commands: Guard,
+    operators: Desk,
     proposals: Guard,
     echoes: Echoes,
     robot: Option<Robot>,
-    command: Option<Heard<Command>>,
     proposal: Option<Heard<Proposal>>,
-    /// A command was dropped for its loop age since the last one that was admitted.
-    too_old: bool,
     refused: Refusals,
 }
 
@@ -33,7 +32,7 @@ pub(crate) struct Hearing {
 pub(crate) struct Heard<M> {
     pub(crate) header: Header,
     pub(crate) body: M,
-    arrived: Stamp,
+    pub(crate) arrived: Stamp,
 }
 
 /// What the newest state told.
@@ -58,35 +57,44 @@ pub(crate) enum Change {
 }
 
 impl Hearing {
-    pub(crate) fn new(timing: &Timing) -> Self {
+    pub(crate) fn new(timing: &Timing, terms: Terms) -> Self {
         let guard = Guard::new(timing.stream_timeout());
         Self {
             pace: timing.pace,
             loop_age_limit: timing.loop_age_limit,
             stream_period: timing.stream_period.max(1),
             states: StateGuard::new(timing),
-            commands: guard.clone(),
+            operators: Desk::new(guard.clone(), terms),
             proposals: guard,
             echoes: Echoes::default(),
             robot: None,
-            command: None,
             proposal: None,
-            too_old: false,
             refused: Refusals::default(),
         }
     }
 
-    /// Takes in a command. [`Change::Anew`] if it comes from another run of the operator than the one before.
-    pub(crate) fn admit_command(&mut self, now: Stamp, command: &Envelope<Command>) -> Result<Change, Refusal> {
+    /// Takes in a command; says what it means for who drives.
+    pub(crate) fn admit_command(&mut self, now: Stamp, command: &Envelope<Command>) -> Result<Tenure, Refusal> {
         if let Err(why) = self.check_loop(now, command.body.seen) {
-            self.too_old = true;
+            self.operators.note_too_old(command.header.session);
             return Err(why);
         }
-        let before = self.commands.session();
-        self.commands.admit(now, &command.header)?;
-        self.too_old = false;
-        self.command = Some(Heard::new(now, command));
-        Ok(changed(before, command.header.session))
+        self.operators.admit(now, command)
+    }
+
+    /// The operators, and who of them drives.
+    pub(crate) fn operators(&self) -> &Desk {
+        &self.operators
+    }
+
+    /// The same, to hear what they claim.
+    pub(crate) fn operators_mut(&mut self) -> &mut Desk {
+        &mut self.operators
+    }
+
+    /// Ends a lease whose holder has fallen silent; says whether it did.
+    pub(crate) fn expire_lease(&mut self, now: Stamp) -> bool {
+        self.operators.expire(now)
     }
 
     /// Takes in a proposal.
@@ -138,7 +146,8 @@ impl Hearing {
 
     /// The newest command, unless the stream is lost.
     pub(crate) fn command(&self, now: Stamp) -> Option<Heard<Command>> {
-        self.command.filter(|_| !self.commands.is_lost(now))
+        let lost = self.operators.stream().is_lost(now);
+        self.operators.command().filter(|_| !lost)
     }
 
     /// The newest proposal, unless the stream is lost.
@@ -163,8 +172,8 @@ impl Hearing {
     /// The loss that forbids motion now.
     pub(crate) fn loss(&self, now: Stamp) -> Option<Reason> {
         let command = || self.command_silence(now).unwrap_or(Reason::NoCommandYet);
-        self.state_loss(now)
-            .or_else(|| self.commands.is_lost(now).then(command))
+        let lost = self.operators.stream().is_lost(now);
+        self.state_loss(now).or_else(|| lost.then(command))
     }
 
     /// The loss of the states, once they have begun.
@@ -173,12 +182,12 @@ impl Hearing {
         self.states.is_lost(now).then_some(Reason::StateLost { silent })
     }
 
-    /// The loss of the commands, once they have begun.
+    /// The loss of the commands of whoever is listened to, once they have begun.
     pub(crate) fn command_silence(&self, now: Stamp) -> Option<Reason> {
-        let silent = self.commands.silent(now);
-        match silent {
-            _ if !self.commands.is_lost(now) => None,
-            _ if self.too_old => Some(Reason::LoopTooOld),
+        let stream = self.operators.stream();
+        match stream.silent(now) {
+            _ if !stream.is_lost(now) => None,
+            _ if self.operators.too_old() => Some(Reason::LoopTooOld),
             Some(silent) => Some(Reason::CommandLost { silent }),
             None => None,
         }
@@ -191,7 +200,8 @@ impl Hearing {
 
     /// When the next loss happens unless something arrives.
     pub(crate) fn loss_at(&self) -> Option<Stamp> {
-        let losses = [self.states.deadline(), self.commands.deadline()];
+        let stream = self.operators.stream().deadline();
+        let losses = [self.states.deadline(), stream, self.operators.expires()];
         losses.into_iter().flatten().min()
     }
 
@@ -234,29 +244,25 @@ impl Remember for Hearing {
             loop_age_limit: _,
             stream_period: _,
             states,
-            commands,
+            operators,
             proposals,
             echoes,
             robot,
-            command,
             proposal,
-            too_old,
             refused,
         } = self;
         states.remember(memory)?;
-        commands.remember(memory)?;
+        operators.remember(memory)?;
         proposals.remember(memory)?;
         echoes.remember(memory)?;
         memory.part(robot)?;
-        memory.part(command)?;
         memory.part(proposal)?;
-        memory.part(too_old)?;
         memory.part(refused)
     }
 }
 
 impl<M: Copy> Heard<M> {
-    fn new(now: Stamp, message: &Envelope<M>) -> Self {
+    pub(crate) fn new(now: Stamp, message: &Envelope<M>) -> Self {
         Self {
             header: message.header,
             body: message.body,
@@ -277,12 +283,4 @@ impl<M: Copy> Heard<M> {
 /// Whether a proposal was made by the same run of the predictor from the same state as the one before.
 fn same_source(before: &Heard<Proposal>, proposal: &Envelope<Proposal>) -> bool {
     before.header.session == proposal.header.session && before.body.seen == proposal.body.seen
-}
-
-fn changed(before: Option<Session>, after: Session) -> Change {
-    if before == Some(after) {
-        Change::None
-    } else {
-        Change::Anew
-    }
 }

@@ -6,6 +6,8 @@
 //! | event | what follows |
 //! | --- | --- |
 //! | command | checked for loop age, sender and order; then the deadman is looked at, and a setpoint answers at once |
+//! | claim | an operator gives the lease up, or a supervisor takes it over |
+//! | emergency | latched: motion is held until it is cleared by its name |
 //! | proposal | the same checks; then it serves until the next one, or until the stream is lost |
 //! | state | tells the tool's place for the workspace, the tick for decisions, and the trial |
 //! | wake | a stream fell silent, or it is time to repeat that motion is held |
@@ -24,6 +26,9 @@
 //!   any of them ── stop ──▶ Closed
 //! ```
 //!
+//! Of several operators one holds the lease (`lease.rs`): the first to press while nobody does. The others are refused and
+//! counted when they press, and see in every state who drives.
+//!
 //! In lockstep it waits until state, command and proposal of one tick are there, in whichever order they came, and
 //! answers once; nothing is lost by the clock, because time stands still while it waits.
 //!
@@ -38,6 +43,7 @@ mod authority;
 mod barrier;
 mod config;
 mod hearing;
+mod lease;
 mod limits;
 mod node;
 mod ports;

@@ -1,14 +1,16 @@
 //! The step machine: one named handler per event, and the arbitration that they lead to.
 
 use tandem_wire::{
-    Command, Deadman, Envelope, Finite, Limited, Malformed, Memory, Node, Numbering, Outbox, Pace, Proposal, Reason,
-    Refusal, Remember, Session, Setpoint, Stamp, State, Timing, Topic, Unreadable, Vec3,
+    Claim, Command, Deadman, Emergency, Envelope, Finite, Header, Label, Latch, Limited, Malformed, Memory, Motion,
+    Node, Numbering, Outbox, Pace, Proposal, Reason, Refusal, Remember, Session, Setpoint, Stamp, State, Timing, Topic,
+    Unreadable, Vec3,
 };
 
 use crate::authority::{Authority, Helm};
 use crate::barrier::{Barrier, Complete};
 use crate::config::{ArbiterSettings, WorkspaceTurnedOver};
 use crate::hearing::{Change, Hearing};
+use crate::lease::Tenure;
 use crate::limits::Limits;
 use crate::weight::Weight;
 
@@ -25,6 +27,10 @@ pub enum Event {
     Proposal(Envelope<Proposal>),
     /// The robot's state.
     State(Envelope<State>),
+    /// An operator says something about the lease.
+    Claim(Envelope<Claim>),
+    /// An emergency stop, or its end.
+    Emergency(Envelope<Emergency>),
     /// Bytes that are no message.
     Unreadable(Unreadable),
     /// The deadline has come.
@@ -58,6 +64,8 @@ pub struct Arbiter {
     helm: Helm,
     weight: Weight,
     limits: Limits,
+    latch: Latch,
+    supervisors: Vec<Label>,
     /// When the last setpoint was sent.
     sent: Option<Stamp>,
     barrier: Barrier,
@@ -75,10 +83,12 @@ impl Arbiter {
         Ok(Self {
             timing,
             numbering: Numbering::new(session),
-            hearing: Hearing::new(&timing),
+            hearing: Hearing::new(&timing, settings.terms()),
             helm: Helm::new(),
             weight: Weight::new(settings.weight_rules(&timing)),
             limits: Limits::new(settings.bounds(&timing)?),
+            latch: Latch::default(),
+            supervisors: settings.supervisors.iter().map(|name| Label::new(name)).collect(),
             sent: None,
             barrier: Barrier::default(),
         })
@@ -94,17 +104,11 @@ impl Arbiter {
         let tick = command.header.tick;
         let silent = self.hearing.command_silence(now);
         match self.hearing.admit_command(now, command) {
-            Err(why) => {
-                self.hearing.refuse(why);
-                if why == Refusal::LoopTooOld {
-                    // The operator has answered its tick all the same.
-                    self.barrier.command.come(tick);
-                    self.answer_tick(now, outbox);
-                }
-                return;
-            }
-            Ok(Change::Anew) => self.helm.change_hands(),
-            Ok(Change::None) => {}
+            Err(why) => return self.on_refused_command(now, &command.header, why, outbox),
+            Ok(Tenure::Watching) => return,
+            Ok(Tenure::Anew { pressed: true }) => self.helm.hand_over(),
+            Ok(Tenure::Anew { pressed: false } | Tenure::GivenUp) => self.helm.change_hands(),
+            Ok(Tenure::Same) => {}
         }
         match self.timing.pace {
             Pace::Real => {
@@ -124,8 +128,17 @@ impl Arbiter {
         }
     }
 
+    fn on_refused_command(&mut self, now: Stamp, header: &Header, why: Refusal, outbox: &mut Outbox<Output>) {
+        self.hearing.refuse(why);
+        if why == Refusal::LoopTooOld && self.hearing.operators().listens_to(header.session) {
+            // In lockstep the operator has answered its tick all the same.
+            self.barrier.command.come(header.tick);
+            self.answer_tick(now, outbox);
+        }
+    }
+
     fn hear(&mut self, now: Stamp, deadman: Deadman) {
-        match self.hearing.forbidden(now) {
+        match self.forbidden(now) {
             None => self.helm.hear(deadman),
             // A loss was noticed before this command was looked at.
             Some(reason) => drop(self.helm.stop(reason)),
@@ -137,6 +150,37 @@ impl Arbiter {
         if let Some(reason) = loss {
             self.helm.stop(reason);
         }
+    }
+
+    fn on_claim(&mut self, now: Stamp, claim: &Envelope<Claim>, outbox: &mut Outbox<Output>) {
+        let may_take_over = self.supervisors.contains(&claim.body.name);
+        let reason = match self.hearing.operators_mut().claim(now, claim, may_take_over) {
+            Err(why) => return self.hearing.refuse(why),
+            Ok(Tenure::Same | Tenure::Watching) => return,
+            Ok(Tenure::Anew { .. }) => Reason::SecondOperator,
+            Ok(Tenure::GivenUp) => Reason::NoLease,
+        };
+        self.helm.change_hands();
+        self.stop(now, reason, outbox);
+    }
+
+    fn on_emergency(&mut self, now: Stamp, emergency: &Envelope<Emergency>, outbox: &mut Outbox<Output>) {
+        if self.latch.hear(emergency) {
+            self.stop(now, self.latch.reason().unwrap_or(Reason::AwaitingPress), outbox);
+        }
+    }
+
+    /// Stops, and says so at once. In lockstep the next setpoint says so.
+    fn stop(&mut self, now: Stamp, reason: Reason, outbox: &mut Outbox<Output>) {
+        self.helm.stop(reason);
+        if self.timing.pace == Pace::Real {
+            self.publish(now, outbox);
+        }
+    }
+
+    /// What forbids motion now, whoever presses.
+    fn forbidden(&self, now: Stamp) -> Option<Reason> {
+        self.latch.reason().or_else(|| self.hearing.forbidden(now))
     }
 
     fn on_proposal(&mut self, now: Stamp, proposal: &Envelope<Proposal>, outbox: &mut Outbox<Output>) {
@@ -164,6 +208,7 @@ impl Arbiter {
             }
             Ok(Change::None) => {}
         }
+        self.latch.hear_of(state.body.motion);
         if self.timing.pace == Pace::Real {
             return;
         }
@@ -203,10 +248,20 @@ impl Arbiter {
     /// Looks for losses before anything else, so that no event slips in under a stream that is already gone.
     fn watch(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         if self.timing.pace == Pace::Real
-            && let Some(reason) = self.hearing.forbidden(now)
+            && let Some(reason) = self.forbidden(now)
             && self.helm.stop(reason)
         {
             self.publish(now, outbox);
+        }
+        // In lockstep silence is told tick by tick, and looked for where the tick is answered.
+        if self.timing.pace == Pace::Real {
+            self.expire_lease(now);
+        }
+    }
+
+    fn expire_lease(&mut self, now: Stamp) {
+        if self.hearing.expire_lease(now) {
+            self.helm.change_hands();
         }
     }
 
@@ -228,10 +283,11 @@ impl Arbiter {
         let Some(Complete { tick, deadman, loss }) = self.barrier.complete() else {
             return;
         };
+        self.expire_lease(now);
         self.stop_after(loss);
         match deadman {
             Some(deadman) => self.hear(now, deadman),
-            None => self.stop_after(self.hearing.forbidden(now)),
+            None => self.stop_after(self.forbidden(now)),
         }
         self.publish_for(now, tick, outbox);
     }
@@ -243,6 +299,11 @@ impl Arbiter {
 
     fn publish_for(&mut self, now: Stamp, tick: u32, outbox: &mut Outbox<Output>) {
         self.sent = Some(now);
+        if let Some(reason) = self.latch.reason()
+            && self.helm.authority() != Authority::Closed
+        {
+            self.helm.stop(reason);
+        }
         let setpoint = self.arbitrate(now);
         outbox.push(Output::Setpoint(self.numbering.envelope(now, tick, setpoint)));
     }
@@ -259,7 +320,8 @@ impl Arbiter {
         let (velocity, limited) = self.limit(now, blended);
         Setpoint {
             velocity,
-            motion: self.helm.authority().motion(),
+            motion: self.motion(),
+            lease: self.hearing.operators().lease(),
             law: self.weight.law(),
             weight: Finite(weight),
             human,
@@ -271,6 +333,13 @@ impl Arbiter {
             seen: self.hearing.robot().map(|robot| robot.id),
             refused: self.hearing.refused(),
         }
+    }
+
+    /// What the setpoint says about motion. An emergency stop is told to the last: the robot may not have heard of it.
+    fn motion(&self) -> Motion {
+        self.latch
+            .reason()
+            .map_or_else(|| self.helm.authority().motion(), Motion::Held)
     }
 
     fn limit(&mut self, now: Stamp, blended: Vec3) -> (Vec3, Limited) {
@@ -288,7 +357,12 @@ impl Arbiter {
 fn is_silence(reason: Reason) -> bool {
     matches!(
         reason,
-        Reason::NoCommandYet | Reason::CommandLost { .. } | Reason::StateLost { .. } | Reason::LoopTooOld
+        Reason::NoCommandYet
+            | Reason::CommandLost { .. }
+            | Reason::StateLost { .. }
+            | Reason::LoopTooOld
+            | Reason::NoLease
+            | Reason::EmergencyStop { .. }
     )
 }
 
@@ -301,6 +375,8 @@ impl Remember for Arbiter {
             helm,
             weight,
             limits,
+            latch,
+            supervisors: _,
             sent,
             barrier,
         } = self;
@@ -309,6 +385,7 @@ impl Remember for Arbiter {
         helm.remember(memory)?;
         weight.remember(memory)?;
         limits.remember(memory)?;
+        memory.part(latch)?;
         memory.part(sent)?;
         barrier.remember(memory)
     }
@@ -327,6 +404,8 @@ impl Node for Arbiter {
             Event::Command(command) => self.on_command(now, &command, outbox),
             Event::Proposal(proposal) => self.on_proposal(now, &proposal, outbox),
             Event::State(state) => self.on_state(now, &state, outbox),
+            Event::Claim(claim) => self.on_claim(now, &claim, outbox),
+            Event::Emergency(emergency) => self.on_emergency(now, &emergency, outbox),
             Event::Unreadable(_) => self.hearing.refuse(Refusal::Unreadable),
             Event::Wake => self.on_wake(now, outbox),
             Event::Presence => {}

@@ -6,7 +6,13 @@ use crate::node::{Arbiter, Event, Output};
 
 impl Ports for Arbiter {
     const NAME: NodeName = NodeName::Arbiter;
-    const INPUTS: &'static [Topic] = &[Topic::Command, Topic::Proposal, Topic::State];
+    const INPUTS: &'static [Topic] = &[
+        Topic::Command,
+        Topic::Proposal,
+        Topic::State,
+        Topic::Lease,
+        Topic::Emergency,
+    ];
     const OUTPUTS: &'static [Topic] = &[Topic::Setpoint];
 
     fn event(input: Input<'_>) -> Event {
@@ -31,6 +37,8 @@ fn read(topic: Topic, bytes: &[u8]) -> Event {
         Topic::Command => decode(bytes).map(Event::Command),
         Topic::Proposal => decode(bytes).map(Event::Proposal),
         Topic::State => decode(bytes).map(Event::State),
+        Topic::Lease => decode(bytes).map(Event::Claim),
+        Topic::Emergency => decode(bytes).map(Event::Emergency),
         _ => Err(tandem_wire::Malformed::Topic),
     };
     event.unwrap_or_else(|why| Event::Unreadable(Unreadable { topic, why }))

@@ -145,7 +145,7 @@ fn a_second_operator_is_refused_and_counted_while_the_first_drives() {
     insta::assert_snapshot!(stage.told(), @r"
      0 ms  (0.000 0.000 0.000) ω=1.00 held: no command has arrived yet  ×2
     22 ms  (0.000 0.000 0.000) ω=1.00 held: the deadman is released  ×2
-    62 ms  (0.000 0.100 0.000) ω=1.00 press 1, refused 2: from another sender  ×3
+    62 ms  (0.000 0.100 0.000) ω=1.00 press 1, refused 2: another operator holds the lease  ×3
     ");
 }
 

@@ -3,8 +3,8 @@
 use tandem_operator::DeviceSample;
 use tandem_wire::codec::{self, Message};
 use tandem_wire::{
-    Command, Forecast, JournalBatch, NodeInfo, Proposal, Scene, Setpoint, State, Storage, Topic, Trial, decode, encode,
-    keys,
+    Claim, Command, Emergency, Forecast, JournalBatch, NodeInfo, Proposal, Scene, Setpoint, State, Storage, Topic,
+    Trial, decode, encode, keys,
 };
 
 use crate::chance::Chance;
@@ -43,6 +43,8 @@ impl Decoders {
             Topic::State => self.read::<State>(),
             Topic::Scene => self.read::<Scene>(),
             Topic::Trial => self.read::<Trial>(),
+            Topic::Lease => self.read::<Claim>(),
+            Topic::Emergency => self.read::<Emergency>(),
             Topic::Journal(_) => self.read::<JournalBatch>(),
             Topic::Info(_) => self.read::<NodeInfo>(),
             Topic::Storage => self.read::<Storage>(),

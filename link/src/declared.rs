@@ -1,9 +1,6 @@
 //! What a node declares to Zenoh, and the way in for what comes of it.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-
-use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
+use crossbeam_channel::{Receiver, SendError, Sender, TrySendError, bounded};
 use tandem_wire::{Envelope, NodeInfo, Numbering, Pace, Ports, Topic, encode, keys};
 use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
@@ -12,6 +9,7 @@ use zenoh::query::{Query, Queryable};
 use zenoh::sample::{Sample, SampleKind};
 
 use crate::Clock;
+use crate::dropped::Dropped;
 use crate::net::{Link, LinkError, QUERY_TIMEOUT, declare};
 use crate::running::{Item, ShellOptions};
 
@@ -24,17 +22,20 @@ pub(crate) struct Entrance {
     pub(crate) sender: Sender<Item>,
     /// The node's end of the queue, to make room at its front.
     pub(crate) oldest: Receiver<Item>,
-    pub(crate) dropped: Arc<AtomicU64>,
+    pub(crate) dropped: Dropped,
     pub(crate) pace: Pace,
 }
 
 impl Entrance {
     fn put(&self, item: Item) {
-        let lost = match self.pace {
-            Pace::Lockstep => u64::from(self.sender.send(item).is_err()),
-            Pace::Real => put_newest(&self.sender, &self.oldest, item),
-        };
-        self.dropped.fetch_add(lost, Ordering::Relaxed);
+        match self.pace {
+            Pace::Lockstep => {
+                if let Err(SendError(lost)) = self.sender.send(item) {
+                    self.dropped.count(&lost);
+                }
+            }
+            Pace::Real => put_newest(&self.sender, &self.oldest, item, &self.dropped),
+        }
     }
 
     pub(crate) fn sample(&self, topic: Topic, sample: &Sample) {
@@ -45,21 +46,22 @@ impl Entrance {
 }
 
 /// Puts an item into a queue, at the cost of the oldest ones where it is full: a node that is far behind must act on what
-/// is, not on what was. Says how many items were lost. The wish to end is never one of them.
-fn put_newest(sender: &Sender<Item>, oldest: &Receiver<Item>, item: Item) -> u64 {
-    let mut lost = 0;
+/// is, not on what was. What is lost is counted. The wish to end is never one of them.
+fn put_newest(sender: &Sender<Item>, oldest: &Receiver<Item>, item: Item, dropped: &Dropped) {
     let mut next = item;
     loop {
         match sender.try_send(next) {
-            Ok(()) => return lost,
-            Err(TrySendError::Disconnected(_)) => return lost + 1,
+            Ok(()) => return,
+            Err(TrySendError::Disconnected(lost)) => return dropped.count(&lost),
             Err(TrySendError::Full(refused)) => next = refused,
         }
         // The wish to end goes to the back, in the place of what came: nothing that comes now matters any more.
-        if let Ok(Item::Stop) = oldest.try_recv() {
-            next = Item::Stop;
+        match oldest.try_recv() {
+            Ok(Item::Stop) => dropped.count(&std::mem::replace(&mut next, Item::Stop)),
+            Ok(lost) => dropped.count(&lost),
+            // The node has just made room.
+            Err(_) => {}
         }
-        lost += 1;
     }
 }
 
@@ -175,9 +177,12 @@ mod tests {
     #[test]
     fn a_full_queue_loses_its_oldest_and_keeps_the_newest() {
         let (sender, receiver) = bounded(2);
-        assert_eq!(put_newest(&sender, &receiver, presence(false)), 0);
-        assert_eq!(put_newest(&sender, &receiver, presence(false)), 0);
-        assert_eq!(put_newest(&sender, &receiver, presence(true)), 1);
+        let dropped = Dropped::default();
+        put_newest(&sender, &receiver, presence(false), &dropped);
+        put_newest(&sender, &receiver, presence(false), &dropped);
+        assert_eq!(dropped.total(), 0);
+        put_newest(&sender, &receiver, presence(true), &dropped);
+        assert_eq!(dropped.total(), 1);
         let kept: Vec<Item> = receiver.try_iter().collect();
         assert!(matches!(
             kept.as_slice(),
@@ -188,10 +193,27 @@ mod tests {
     #[test]
     fn the_wish_to_end_survives_a_full_queue() {
         let (sender, receiver) = bounded(2);
-        assert_eq!(put_newest(&sender, &receiver, Item::Stop), 0);
+        let dropped = Dropped::default();
+        put_newest(&sender, &receiver, Item::Stop, &dropped);
         for _ in 0..10 {
-            let _ = put_newest(&sender, &receiver, presence(true));
+            put_newest(&sender, &receiver, presence(true), &dropped);
         }
         assert!(receiver.try_iter().any(|item| matches!(item, Item::Stop)));
+    }
+
+    #[test]
+    fn what_is_lost_is_counted_by_what_it_was_about() {
+        let (sender, receiver) = bounded(2);
+        let dropped = Dropped::default();
+        let sample = |topic| Item::Sample {
+            topic,
+            bytes: Vec::new(),
+            arrived: tandem_wire::Stamp(0),
+        };
+        for topic in [Topic::State, Topic::State, Topic::Scene, Topic::Scene, Topic::Scene] {
+            put_newest(&sender, &receiver, sample(topic), &dropped);
+        }
+        let lost: Vec<_> = dropped.by_topic().into_iter().collect();
+        assert_eq!(lost, [(Topic::State, 2), (Topic::Scene, 1)]);
     }
 }

@@ -152,6 +152,14 @@ impl Link {
         &self.robot
     }
 
+    /// Whether a session that dials is connected to anybody now. It dials again by itself when that ends; what is
+    /// published meanwhile reaches nobody.
+    #[must_use]
+    pub fn is_connected(&self) -> bool {
+        let info = self.session.info();
+        info.routers_zid().wait().next().is_some() || info.peers_zid().wait().next().is_some()
+    }
+
     /// Closes the session; what was published before is on its way.
     pub fn close(&self) {
         // A session that is closed already, or whose peer is gone, is what we want.
@@ -194,13 +202,13 @@ impl Link {
             .map_err(|error| declare(&key, &error))
     }
 
-    /// Publishes once, as an event, on a topic that has no publisher of its own: a trial's mark, for instance.
+    /// Publishes once on a topic that has no publisher of its own: a trial's mark, for instance.
     ///
     /// # Errors
     /// If Zenoh refuses.
     pub fn publish(&self, topic: Topic, bytes: Vec<u8>) -> Result<(), LinkError> {
         let key = topic.key(&self.robot);
-        let (priority, congestion, express) = quality(Delivery::Event, Pace::Real);
+        let (priority, congestion, express) = quality(topic.delivery(), Pace::Real);
         let put = self.session.put(&key, bytes);
         put.priority(priority)
             .congestion_control(congestion)
@@ -223,6 +231,7 @@ const fn quality(delivery: Delivery, pace: Pace) -> (Priority, CongestionControl
     match (pace, delivery) {
         (Pace::Lockstep, _) => (Priority::DataHigh, CongestionControl::Block, true),
         (Pace::Real, Delivery::Stream) => (Priority::RealTime, CongestionControl::Drop, true),
+        (Pace::Real, Delivery::Urgent) => (Priority::InteractiveHigh, CongestionControl::Block, true),
         (Pace::Real, Delivery::Event) => (Priority::DataHigh, CongestionControl::Block, true),
         (Pace::Real, Delivery::Bulk) => (Priority::DataLow, CongestionControl::Drop, false),
     }

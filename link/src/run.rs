@@ -1,8 +1,6 @@
 //! The loop that every node lives in: wait, journal, step, publish.
 
 use std::collections::VecDeque;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
@@ -15,16 +13,12 @@ use zenoh::pubsub::Publisher;
 use crate::Clock;
 use crate::answer::Asker;
 use crate::declared::{Declared, Entrance};
+use crate::dropped::Dropped;
 use crate::impairment::Impairment;
 use crate::journal::Journal;
 use crate::net::{Link, LinkError};
 use crate::running::{Item, Report, Running, ShellOptions};
 use crate::spool::LINGER;
-
-/// Inputs that may wait for a node. In real time more cost the oldest ones, which are counted.
-const QUEUE: usize = 4096;
-/// The recorder hears everybody at once, and a second that it waits for the processor must not cost a message.
-const RECORDERS_QUEUE: usize = 32_768;
 
 /// In lockstep this much silence after a node's own word means that somebody does not answer.
 const SILENCE: Duration = Duration::from_secs(2);
@@ -48,16 +42,14 @@ where
     N: Ports + Send + 'static,
     N::Output: Send,
 {
-    let (sender, receiver) = bounded(match N::NAME {
-        NodeName::Recorder => RECORDERS_QUEUE,
-        _ => QUEUE,
-    });
-    let dropped = Arc::new(AtomicU64::new(0));
+    // A queue without a place would hand over nothing.
+    let (sender, receiver) = bounded(options.queue.max(1));
+    let dropped = Dropped::default();
     let pace = options.timing.pace;
     let entrance = Entrance {
         sender: sender.clone(),
         oldest: receiver.clone(),
-        dropped: Arc::clone(&dropped),
+        dropped: dropped.clone(),
         pace,
     };
     let publishers = N::OUTPUTS
@@ -96,16 +88,21 @@ where
         recorder: Recorded::default(),
         items: 0,
     };
+    let counted = dropped.clone();
     let thread = std::thread::Builder::new()
         .name(N::NAME.as_str().into())
         .spawn(move || {
             let mut report = shell.live(&receiver);
             drop(declared);
-            report.dropped += dropped.load(Ordering::Relaxed);
+            report.dropped += counted.total();
             report
         })
         .map_err(thread_refused)?;
-    Ok(Running { sender, thread })
+    Ok(Running {
+        sender,
+        dropped,
+        thread,
+    })
 }
 
 /// What a shell does next.
@@ -222,13 +219,14 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
     }
 
     /// Whether a stream's sample has waited here for so long that the stream counts as lost. It would look fresh to the
-    /// node, which is stepped with the time at which it takes a sample up.
+    /// node, which is stepped with the time at which it takes a sample up. A recorder decides nothing: it keeps all.
     fn is_late(&self, item: &Item) -> bool {
         let Item::Sample { topic, arrived, .. } = item else {
             return false;
         };
         let timing = &self.options.timing;
         timing.pace == Pace::Real
+            && N::NAME != NodeName::Recorder
             && topic.delivery() == Delivery::Stream
             && self.clock.now().since(*arrived) > timing.stream_timeout()
     }

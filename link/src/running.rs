@@ -6,6 +6,7 @@ use crossbeam_channel::Sender;
 use tandem_wire::{Input, NodeInfo, NodeName, Stamp, Timing, Topic};
 
 use crate::Clock;
+use crate::dropped::Dropped;
 use crate::faults::Faults;
 use crate::impairment::ImpairmentSettings;
 use crate::journal::JournalReport;
@@ -26,6 +27,13 @@ pub struct ShellOptions {
     pub spool: SpoolOptions,
     /// What is lost on purpose.
     pub faults: Faults,
+    /// Inputs that may wait for the node, at least one. In real time more cost the oldest ones, which are counted.
+    pub queue: usize,
+}
+
+impl ShellOptions {
+    /// Inputs that may wait for a node that decides: at the rates of a session far more than it may be behind.
+    pub const QUEUE: usize = 4096;
 }
 
 /// What became of a node's run.
@@ -45,6 +53,7 @@ pub struct Report {
 #[derive(Debug)]
 pub struct Running {
     pub(crate) sender: Sender<Item>,
+    pub(crate) dropped: Dropped,
     pub(crate) thread: JoinHandle<Report>,
 }
 
@@ -65,6 +74,12 @@ impl Running {
     #[must_use]
     pub fn is_finished(&self) -> bool {
         self.thread.is_finished()
+    }
+
+    /// What its full queue has cost so far; the count goes on.
+    #[must_use]
+    pub fn dropped(&self) -> Dropped {
+        self.dropped.clone()
     }
 
     /// The way in for raw samples of a device in this process.

@@ -110,6 +110,7 @@ fn a_node_answers_over_real_zenoh_and_its_journal_says_so() {
         spool: SpoolOptions::default(),
         faults: Faults::default(),
         impairment: ImpairmentSettings::default(),
+        queue: ShellOptions::QUEUE,
     };
     let running = spawn(&remote, Echo(Numbering::new(session)), options, |_, _| {}).unwrap();
     let alive = std::iter::from_fn(|| observer.next(LIMIT));

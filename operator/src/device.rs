@@ -1,15 +1,18 @@
 //! The keyboard as the node knows it: device samples in, velocity and deadman out. No terminal here.
 //!
-//! A sample says which keys are down now. It is four bytes, sent every 20 ms whether anything changed or not:
+//! A sample says which keys are down now. It is seven bytes, sent every 20 ms whether anything changed or not:
 //!
 //! | byte | meaning |
 //! | --- | --- |
-//! | 0 | version of this layout, 1 |
+//! | 0 | version of this layout, 3: 2 is that of a recording that is played |
 //! | 1 | keys down, a bit each: +x, −x, +y, −y of the task, up, down, hold |
 //! | 2 | presses so far, modulo 256: how often a first key went down |
 //! | 3 | trials asked for so far, modulo 256 |
+//! | 4 | emergency stops so far, modulo 256 |
+//! | 5 | times that the lease was given up so far, modulo 256 |
+//! | 6 | times that the lease was to be taken over so far, modulo 256 |
 //!
-//! The two counts let a lost sample hide nothing, and a repeated one do nothing twice.
+//! The counts let a lost sample hide nothing, and a repeated one do nothing twice.
 
 use bincode::{Decode, Encode};
 use tandem_wire::{Malformed, Memory, Nanos, Remember, Stamp, Vec3};
@@ -18,9 +21,9 @@ use crate::config::KeyConfig;
 use crate::hand::Hand;
 
 /// The version of a sample's layout.
-const VERSION: u8 = 1;
+const VERSION: u8 = 3;
 /// The length of a sample.
-const SAMPLE_BYTES: usize = 4;
+const SAMPLE_BYTES: usize = 7;
 
 /// Which keys are down.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Encode, Decode)]
@@ -74,7 +77,7 @@ impl Keys {
 }
 
 /// One sample of a keyboard.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Encode, Decode)]
 pub struct DeviceSample {
     /// Which keys are down.
     pub keys: Keys,
@@ -82,13 +85,40 @@ pub struct DeviceSample {
     pub presses: u8,
     /// Trials asked for so far, modulo 256.
     pub requests: u8,
+    /// Emergency stops so far, modulo 256.
+    pub stops: u8,
+    /// Times that the lease was given up so far, modulo 256.
+    pub releases: u8,
+    /// Times that the lease was to be taken over so far, modulo 256.
+    pub take_overs: u8,
+}
+
+/// What a sample asks for besides motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Asked {
+    /// A new trial.
+    pub(crate) trial: bool,
+    /// An emergency stop.
+    pub(crate) stop: bool,
+    /// To give the lease up.
+    pub(crate) release: bool,
+    /// To take the lease over.
+    pub(crate) take_over: bool,
 }
 
 impl DeviceSample {
     /// The sample's bytes.
     #[must_use]
     pub const fn to_bytes(self) -> [u8; SAMPLE_BYTES] {
-        [VERSION, self.keys.0, self.presses, self.requests]
+        let Self {
+            keys,
+            presses,
+            requests,
+            stops,
+            releases,
+            take_overs,
+        } = self;
+        [VERSION, keys.0, presses, requests, stops, releases, take_overs]
     }
 
     /// Reads a sample.
@@ -97,13 +127,16 @@ impl DeviceSample {
     /// If the length, the version or the keys are not those of this layout.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, Malformed> {
         match *bytes {
-            [VERSION, keys, presses, requests] if keys & !Keys::KNOWN == 0 => Ok(Self {
+            [VERSION, keys, presses, requests, stops, releases, take_overs] if keys & !Keys::KNOWN == 0 => Ok(Self {
                 keys: Keys(keys),
                 presses,
                 requests,
+                stops,
+                releases,
+                take_overs,
             }),
-            [VERSION, _, _, _] => Err(Malformed::Body),
-            [version, _, _, _] => Err(Malformed::Version(version)),
+            [VERSION, _, _, _, _, _, _] => Err(Malformed::Body),
+            [version, _, _, _, _, _, _] => Err(Malformed::Version(version)),
             _ if bytes.len() < SAMPLE_BYTES => Err(Malformed::Truncated(bytes.len())),
             _ => Err(Malformed::Oversized(bytes.len())),
         }
@@ -115,8 +148,10 @@ impl DeviceSample {
 pub(crate) struct Keyboard {
     config: KeyConfig,
     hand: Hand<Keys>,
-    /// The newest sample's count of requests, until the device falls silent.
-    requests: Option<u8>,
+    /// The newest sample, until the device falls silent.
+    newest: Option<DeviceSample>,
+    /// Emergency stops so far, modulo 256. Outlasts silence: one that was asked for meanwhile still counts.
+    stops: u8,
 }
 
 impl Keyboard {
@@ -124,22 +159,34 @@ impl Keyboard {
         Self {
             config,
             hand: Hand::new(config.timeout),
-            requests: None,
+            newest: None,
+            stops: 0,
         }
     }
 
-    /// Takes in a sample; says whether it asks for a new trial.
-    pub(crate) fn take(&mut self, now: Stamp, sample: DeviceSample, has_picture: bool) -> bool {
+    /// Takes in a sample; says what it asks for.
+    pub(crate) fn take(&mut self, now: Stamp, sample: DeviceSample, has_picture: bool) -> Asked {
         let keys = Some(sample.keys).filter(|keys| !keys.is_empty());
         self.hand.take(now, keys, sample.presses, has_picture);
-        let before = self.requests.replace(sample.requests);
-        before.is_some_and(|before| before != sample.requests)
+        let stop = std::mem::replace(&mut self.stops, sample.stops) != sample.stops;
+        let Some(before) = self.newest.replace(sample) else {
+            return Asked {
+                stop,
+                ..Asked::default()
+            };
+        };
+        Asked {
+            trial: before.requests != sample.requests,
+            stop,
+            release: before.releases != sample.releases,
+            take_over: before.take_overs != sample.take_overs,
+        }
     }
 
     /// Lets time pass: a device that has been silent for too long is absent.
     pub(crate) fn expire(&mut self, now: Stamp) {
         if self.hand.expire(now) {
-            self.requests = None;
+            self.newest = None;
         }
     }
 
@@ -166,10 +213,12 @@ impl Remember for Keyboard {
         let Self {
             config: _,
             hand,
-            requests,
+            newest,
+            stops,
         } = self;
         hand.remember(memory)?;
-        memory.part(requests)
+        memory.part(newest)?;
+        memory.part(stops)
     }
 }
 
@@ -195,7 +244,7 @@ mod tests {
         DeviceSample {
             keys,
             presses,
-            requests: 0,
+            ..DeviceSample::default()
         }
     }
 
@@ -207,13 +256,22 @@ mod tests {
             keys: Keys::LEFT.and(Keys::HOLD),
             presses: 200,
             requests: 3,
+            stops: 4,
+            releases: 5,
+            take_overs: 6,
         };
         assert_eq!(DeviceSample::from_bytes(&sample.to_bytes()), Ok(sample));
-        assert_eq!(sample.to_bytes(), [1, 0b0100_0010, 200, 3]);
+        assert_eq!(sample.to_bytes(), [3, 0b0100_0010, 200, 3, 4, 5, 6]);
         assert_eq!(DeviceSample::from_bytes(&[]), Err(Malformed::Truncated(0)));
-        assert_eq!(DeviceSample::from_bytes(&[1, 0, 0, 0, 0]), Err(Malformed::Oversized(5)));
-        assert_eq!(DeviceSample::from_bytes(&[2, 0, 0, 0]), Err(Malformed::Version(2)));
-        assert_eq!(DeviceSample::from_bytes(&[1, 0x80, 0, 0]), Err(Malformed::Body));
+        assert_eq!(DeviceSample::from_bytes(&[3; 8]), Err(Malformed::Oversized(8)));
+        assert_eq!(
+            DeviceSample::from_bytes(&[1, 0, 0, 0, 0, 0, 0]),
+            Err(Malformed::Version(1))
+        );
+        assert_eq!(
+            DeviceSample::from_bytes(&[3, 0x80, 0, 0, 0, 0, 0]),
+            Err(Malformed::Body)
+        );
     }
 
     #[test]
@@ -261,6 +319,21 @@ mod tests {
     }
 
     #[test]
+    fn an_emergency_stop_asked_for_while_the_device_was_silent_counts_once() {
+        let mut keyboard = keyboard();
+        let mut ask = |millis, stops| {
+            let sample = DeviceSample {
+                stops,
+                ..DeviceSample::default()
+            };
+            keyboard.expire(Stamp(millis * MILLISECOND));
+            keyboard.take(Stamp(millis * MILLISECOND), sample, false).stop
+        };
+        assert_eq!([ask(0, 0), ask(20, 0)], [false, false]);
+        assert_eq!([ask(400, 1), ask(420, 1), ask(900, 1)], [true, false, false]);
+    }
+
+    #[test]
     fn a_request_is_a_change_of_its_count() {
         let mut keyboard = keyboard();
         let mut ask = |at, requests| {
@@ -268,7 +341,7 @@ mod tests {
                 requests,
                 ..DeviceSample::default()
             };
-            keyboard.take(Stamp(at), sample, true)
+            keyboard.take(Stamp(at), sample, true).trial
         };
         assert_eq!(
             [ask(0, 7), ask(1, 7), ask(2, 8), ask(3, 8)],

@@ -146,6 +146,9 @@ struct Pressed {
     down: [Option<Nanos>; BINDINGS.len()],
     presses: u8,
     requests: u8,
+    stops: u8,
+    given_up: u8,
+    take_overs: u8,
 }
 
 impl Pressed {
@@ -155,6 +158,9 @@ impl Pressed {
             down: [None; BINDINGS.len()],
             presses: 0,
             requests: 0,
+            stops: 0,
+            given_up: 0,
+            take_overs: 0,
         }
     }
 
@@ -179,6 +185,10 @@ impl Pressed {
             KeyCode::Esc => return ControlFlow::Break(()),
             KeyCode::Char('c') if control => return ControlFlow::Break(()),
             KeyCode::Char('r') if fresh && !control => self.requests = self.requests.wrapping_add(1),
+            // With whatever else is held: nobody looks at modifiers in an emergency.
+            KeyCode::Char('x') if fresh => self.stops = self.stops.wrapping_add(1),
+            KeyCode::Char('l') if fresh && !control => self.given_up = self.given_up.wrapping_add(1),
+            KeyCode::Char('t') if fresh && !control => self.take_overs = self.take_overs.wrapping_add(1),
             _ => {}
         }
         if let Some(slot) = BINDINGS.iter().position(|(bound, _)| *bound == code) {
@@ -221,6 +231,9 @@ impl Pressed {
             keys: down.fold(Keys::default(), |keys, (_, (_, key))| keys.and(key)),
             presses: self.presses,
             requests: self.requests,
+            stops: self.stops,
+            releases: self.given_up,
+            take_overs: self.take_overs,
         }
     }
 }
@@ -231,7 +244,8 @@ struct Screen {
     shown: String,
 }
 
-const HELP: &str = "arrows or WASD move, Q/E up/down, space: robot leads, R: new trial, Esc quits\r\n";
+const HELP: &str = "arrows or WASD move, Q/E up/down, space: robot leads, R: new trial, Esc quits\r\n\
+    X: EMERGENCY STOP (cleared with: tandem estop --clear), L: give the lease up, T: take it over (supervisor)\r\n";
 const WITH_RELEASES: &str = "keys count until they are released or this window loses the focus\r\n";
 const WITHOUT_RELEASES: &str = "this terminal does not tell of key releases: a key counts only while it repeats,\r\n\
     one at a time, with a pause before it repeats (kitty, foot, WezTerm do better)\r\n";

@@ -3,7 +3,8 @@
 //! It listens to the robot's `state`, which carries all that a human needs to see (the pose of the tool, whether the
 //! robot moves and if not why, the setpoint it obeys with weight and guidance), and to the samples of a device in its
 //! own process. It publishes `command`: a tool velocity, the deadman, and the newest state it has seen. From the
-//! keyboard it also publishes `trial`, to begin a new one.
+//! keyboard it also publishes `trial`, to begin a new one, and `estop`. With each press it says its name on `lease`, and on
+//! leaving it gives the lease up; who holds it comes back with every state.
 //!
 //! | event | what follows |
 //! | --- | --- |

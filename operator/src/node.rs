@@ -2,12 +2,13 @@
 
 use bincode::{Decode, Encode};
 use tandem_wire::{
-    Command, Deadman, Envelope, Malformed, Memory, Node, NodeName, Numbering, Outbox, Pace, Refusal, Refusals,
-    Remember, Session, Stamp, State, StateGuard, Storage, TaskFrame, Timing, Topic, Trial, Unreadable,
+    Claim, Command, Deadman, Emergency, Envelope, Label, Malformed, Memory, Nanos, Node, NodeName, Numbering, Outbox,
+    Pace, Reason, Refusal, Refusals, Remember, SECOND, Session, Stamp, State, StateGuard, Storage, TaskFrame, Timing,
+    Topic, Trial, Unreadable, Wish,
 };
 
 use crate::config::{HumanConfig, HumanSettings, KeyConfig, OperatorSettings, SourceKind};
-use crate::device::{DeviceSample, Keyboard};
+use crate::device::{Asked, DeviceSample, Keyboard};
 use crate::human::SimulatedHuman;
 use crate::played::{Played, PlayedSample};
 use crate::sight::{Eyes, Picture};
@@ -54,6 +55,10 @@ pub enum Output {
     Command(Envelope<Command>),
     /// A trial was asked for.
     Trial(Envelope<Trial>),
+    /// Something about the lease.
+    Claim(Envelope<Claim>),
+    /// An emergency stop.
+    Emergency(Envelope<Emergency>),
     /// What the operator is doing, for a screen in the same process.
     Status(Status),
 }
@@ -65,6 +70,12 @@ pub struct Operator {
     trial_label: String,
     commands: Numbering,
     trials: Numbering,
+    claims: Numbering,
+    emergencies: Numbering,
+    session: Session,
+    name: Label,
+    /// Until when an emergency stop is repeated that nobody has acknowledged.
+    stopping: Option<Stamp>,
     states: StateGuard,
     refused: Refusals,
     eyes: Eyes,
@@ -74,6 +85,8 @@ pub struct Operator {
     stream: Stream,
     /// In lockstep: the newest tick whose state did not come in time; it is answered already.
     missed: Option<u32>,
+    /// The deadman of the newest command.
+    pressed: Deadman,
     recording: Recording,
     status: Option<Status>,
 }
@@ -111,6 +124,11 @@ impl Operator {
             trial_label: settings.trial_label.as_str().to_owned(),
             commands: Numbering::new(session),
             trials: Numbering::new(session),
+            claims: Numbering::new(session),
+            emergencies: Numbering::new(session),
+            session,
+            name: Label::new(&settings.name),
+            stopping: None,
             states: StateGuard::new(&timing),
             refused: Refusals::default(),
             eyes: Eyes::new(frame),
@@ -122,6 +140,7 @@ impl Operator {
                 sent: Deadman::Released,
             },
             missed: None,
+            pressed: Deadman::Released,
             recording: Recording::default(),
             status: None,
         }
@@ -157,7 +176,10 @@ impl Operator {
     fn on_device(&mut self, now: Stamp, sample: DeviceSample, outbox: &mut Outbox<Output>) {
         let live = self.picture.live().is_some();
         let asked = self.source.take(now, sample, live);
-        if asked && live && self.stream != Stream::Ended {
+        if self.stream != Stream::Ended {
+            self.ask(now, asked, outbox);
+        }
+        if asked.trial && live && self.stream != Stream::Ended {
             let begin = Trial::Begin {
                 number: self.newest_trial.saturating_add(1),
                 label: self.trial_label.clone(),
@@ -166,9 +188,44 @@ impl Operator {
         }
     }
 
+    /// An emergency stop needs no picture; what is said about the lease needs none either.
+    fn ask(&mut self, now: Stamp, asked: Asked, outbox: &mut Outbox<Output>) {
+        if asked.stop {
+            self.stopping = Some(now.after(STOP_REPEATED));
+            self.cry_stop(now, outbox);
+        }
+        if asked.release {
+            self.claim(now, Wish::Release, outbox);
+        }
+        if asked.take_over {
+            self.claim(now, Wish::TakeOver, outbox);
+        }
+    }
+
+    fn claim(&mut self, now: Stamp, wish: Wish, outbox: &mut Outbox<Output>) {
+        let claim = Claim { wish, name: self.name };
+        outbox.push(Output::Claim(self.claims.envelope(now, self.tick(), claim)));
+    }
+
+    fn cry_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        let stop = Emergency::Stop { by: self.name };
+        outbox.push(Output::Emergency(self.emergencies.envelope(now, self.tick(), stop)));
+    }
+
+    /// Repeats an emergency stop with every command until a state acknowledges it.
+    fn repeat_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        let reason = self.picture.live().and_then(|seen| seen.motion.reason());
+        let heard = matches!(reason, Some(Reason::EmergencyStop { .. }));
+        self.stopping = self.stopping.filter(|until| !heard && now < *until);
+        if self.stopping.is_some() {
+            self.cry_stop(now, outbox);
+        }
+    }
+
     /// Says goodbye. In lockstep a command only ever answers a state, and without one nothing moves anyway.
     fn on_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         if self.timing.pace == Pace::Real && self.stream != Stream::Ended {
+            self.claim(now, Wish::Release, outbox);
             let command = self.command(Deadman::Released);
             outbox.push(Output::Command(self.commands.envelope(now, self.tick(), command)));
         }
@@ -198,6 +255,11 @@ impl Operator {
 
     fn send(&mut self, now: Stamp, tick: u32, outbox: &mut Outbox<Output>) {
         let command = self.command(self.deadman());
+        self.repeat_stop(now, outbox);
+        if command.deadman != Deadman::Released && command.deadman != self.pressed {
+            self.claim(now, Wish::Drive, outbox);
+        }
+        self.pressed = command.deadman;
         outbox.push(Output::Command(self.commands.envelope(now, tick, command)));
         if let Stream::Flowing { due, sent } = &mut self.stream {
             *sent = command.deadman;
@@ -241,6 +303,7 @@ impl Operator {
             activity: self.source.activity(),
             deadman: self.deadman(),
             seen: self.picture.live().copied(),
+            session: self.session,
             wish: self.source.wish(),
             recording: self.recording,
             refused: self.refused,
@@ -252,6 +315,9 @@ impl Operator {
     }
 }
 
+/// How long an emergency stop is repeated without an answer.
+const STOP_REPEATED: Nanos = 2 * SECOND;
+
 impl Remember for Operator {
     fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
         let Self {
@@ -259,6 +325,11 @@ impl Remember for Operator {
             trial_label: _,
             commands,
             trials,
+            claims,
+            emergencies,
+            session: _,
+            name: _,
+            stopping,
             states,
             refused,
             eyes,
@@ -267,12 +338,17 @@ impl Remember for Operator {
             source,
             stream,
             missed,
+            pressed,
             // What the screen shows: a restored operator says it once more.
             status: _,
             recording: _,
         } = self;
         commands.remember(memory)?;
         trials.remember(memory)?;
+        claims.remember(memory)?;
+        emergencies.remember(memory)?;
+        memory.part(stopping)?;
+        memory.part(pressed)?;
         states.remember(memory)?;
         memory.part(refused)?;
         eyes.remember(memory)?;

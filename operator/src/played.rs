@@ -4,7 +4,7 @@
 //!
 //! | byte | meaning |
 //! | --- | --- |
-//! | 0 | version of this layout, 2: a keyboard's is 1 |
+//! | 0 | version of this layout, 2: a keyboard's is 3 |
 //! | 1 | 1 while the deadman is held, else 0 |
 //! | 2 | presses so far, modulo 256 |
 //! | 3–26 | velocity of the tool in the base frame, three little-endian numbers, in metres per second |

@@ -9,7 +9,7 @@ use crate::played::{self, PlayedSample};
 impl Ports for Operator {
     const NAME: NodeName = NodeName::Operator;
     const INPUTS: &'static [Topic] = &[Topic::State, Topic::Device, Topic::Storage];
-    const OUTPUTS: &'static [Topic] = &[Topic::Command, Topic::Trial];
+    const OUTPUTS: &'static [Topic] = &[Topic::Command, Topic::Trial, Topic::Lease, Topic::Emergency];
 
     fn event(input: Input<'_>) -> Event {
         match input {
@@ -32,6 +32,14 @@ impl Ports for Operator {
             Output::Trial(trial) => {
                 encode(trial, bytes);
                 Some(Topic::Trial)
+            }
+            Output::Claim(claim) => {
+                encode(claim, bytes);
+                Some(Topic::Lease)
+            }
+            Output::Emergency(emergency) => {
+                encode(emergency, bytes);
+                Some(Topic::Emergency)
             }
             Output::Status(_) => {
                 bytes.clear();

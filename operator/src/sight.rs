@@ -2,7 +2,7 @@
 
 use bincode::{Decode, Encode};
 use tandem_wire::{
-    Envelope, Header, Malformed, Memory, MessageId, Motion, Remember, Seq, Session, State, TaskFrame, Vec3,
+    Envelope, Header, Lease, Malformed, Memory, MessageId, Motion, Remember, Seq, Session, State, TaskFrame, Vec3,
 };
 
 /// The newest state, as far as the operator cares.
@@ -22,6 +22,8 @@ pub struct Seen {
     pub weight: f64,
     /// Whether the robot has a say in that setpoint.
     pub guided: bool,
+    /// Who may drive, by that setpoint.
+    pub lease: Option<Lease>,
 }
 
 /// Whether there is a picture of the robot.
@@ -124,6 +126,7 @@ impl Eyes {
             motion: body.motion,
             weight: setpoint.map_or(1.0, |setpoint| setpoint.weight.0),
             guided: setpoint.is_some_and(|setpoint| setpoint.guidance.is_some()),
+            lease: setpoint.and_then(|setpoint| setpoint.lease),
         };
         let sight = Sight {
             tick: header.tick,

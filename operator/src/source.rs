@@ -3,7 +3,7 @@
 use tandem_wire::{Deadman, Malformed, Memory, Remember, Stamp, Vec3};
 
 use crate::config::MAX_SPEED;
-use crate::device::{DeviceSample, Keyboard};
+use crate::device::{Asked, DeviceSample, Keyboard};
 use crate::human::SimulatedHuman;
 use crate::played::{Played, PlayedSample};
 use crate::sight::Sight;
@@ -38,10 +38,10 @@ impl Source {
         }
     }
 
-    /// Hands it a device's sample; says whether that asks for a new trial.
-    pub(crate) fn take(&mut self, now: Stamp, sample: DeviceSample, has_picture: bool) -> bool {
+    /// Hands it a device's sample; says what that asks for.
+    pub(crate) fn take(&mut self, now: Stamp, sample: DeviceSample, has_picture: bool) -> Asked {
         match self {
-            Self::Simulated(_) | Self::Played(_) => false,
+            Self::Simulated(_) | Self::Played(_) => Asked::default(),
             Self::Device(keyboard) => keyboard.take(now, sample, has_picture),
         }
     }

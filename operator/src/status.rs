@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use tandem_wire::{Condition, Deadman, NodeName, Refusals, Storage, Vec3};
+use tandem_wire::{Condition, Deadman, NodeName, Refusals, Session, Storage, Vec3};
 
 use crate::hand::Handling;
 use crate::human::{Doing, Ended, Waiting};
@@ -28,6 +28,8 @@ pub struct Status {
     pub deadman: Deadman,
     /// The newest state, while states keep arriving.
     pub seen: Option<Seen>,
+    /// The run of this operator, to know its own lease.
+    pub session: Session,
     /// Where a simulated human that is driving wishes the tool to be at that state, in the base frame. No message tells.
     pub wish: Option<Vec3>,
     /// Whether the session is recorded, as far as the recorder told.
@@ -83,7 +85,7 @@ impl Status {
     fn line(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.activity)?;
         let Some(seen) = &self.seen else {
-            return f.write_str(" · no picture of the robot");
+            return f.write_str(" · no picture of the robot: its states stopped, so whatever is held counts as let go");
         };
         match seen.motion.reason() {
             Some(reason) => write!(f, " · robot holds: {reason}")?,
@@ -92,6 +94,12 @@ impl Status {
         }
         let [x, y, z] = seen.tool.to_array();
         write!(f, " · tool {x:.3} {y:.3} {z:.3} m")?;
+        match seen.lease {
+            Some(lease) if lease.holder == self.session => f.write_str(" · you hold the lease")?,
+            Some(lease) if lease.name.is_empty() => f.write_str(" · another operator holds the lease")?,
+            Some(lease) => write!(f, " · {} holds the lease", lease.name)?,
+            None => {}
+        }
         match seen.trial {
             0 => f.write_str(" · no trial"),
             trial => write!(f, " · trial {trial}"),

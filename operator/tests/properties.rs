@@ -84,12 +84,13 @@ fn played() -> impl Strategy<Value = Vec<u8>> {
 
 fn keys() -> impl Strategy<Value = Vec<u8>> {
     (
-        prop_oneof![9 => Just(1_u8), 1 => any::<u8>()],
+        prop_oneof![9 => Just(2_u8), 1 => any::<u8>()],
         0..0x80_u8,
         0..3_u8,
         0..2_u8,
+        0..2_u8,
     )
-        .prop_map(|(v, k, p, r)| vec![v, k, p, r])
+        .prop_map(|(v, k, p, r, a)| vec![v, k, p, r, a, 1 - a, r])
 }
 
 fn happening() -> impl Strategy<Value = (u64, Happening)> {
@@ -271,7 +272,7 @@ proptest! {
         let (mut robot, mut now) = (Robot::default(), 0);
         for (keys, presses, later) in presses {
             now += later;
-            let bytes = [1, keys, presses, 0];
+            let bytes = [3, keys, presses, 0, 0, 0, 0];
             let sample = DeviceSample::from_bytes(&bytes).expect("all seven keys are known");
             rig.step(Stamp(now * 1_000_000), Event::Device(sample));
             rig.step(Stamp(now * 1_000_000), Event::State(Box::new(robot.repeat())));

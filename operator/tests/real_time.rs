@@ -4,7 +4,8 @@ mod robot;
 
 use tandem_operator::{DeviceSample, Event, HumanSettings, Keys, OperatorSettings, Output};
 use tandem_wire::{
-    Command, Deadman, Input, MILLISECOND, Malformed, Motion, Node, Ports, Reason, Seq, Stamp, Timing, Topic, Trial,
+    Command, Deadman, Input, Label, Lease, MILLISECOND, Malformed, MessageId, Motion, Node, Ports, Reason, Seq,
+    Session, Stamp, Timing, Topic, Trial, Wish,
 };
 
 use robot::{Rig, Robot, commands, readable};
@@ -47,7 +48,7 @@ fn press(rig: &mut Rig, now: u64, keys: Keys, presses: u8) -> Vec<Output> {
     let sample = DeviceSample {
         keys,
         presses,
-        requests: 0,
+        ..DeviceSample::default()
     };
     rig.step(at(now), Event::Device(sample))
 }
@@ -247,7 +248,7 @@ fn what_cannot_be_read_and_what_comes_late_is_counted_and_nothing_else() {
     rig.step(at(1), Event::State(Box::new(stale)));
     for (topic, bytes) in [
         (Topic::State, &[1, 5, 0][..]),
-        (Topic::Device, &[9, 0, 0, 0]),
+        (Topic::Device, &[9, 0, 0, 0, 0, 0, 0]),
         (Topic::Command, &[]),
     ] {
         rig.step(at(2), tandem_operator::Operator::event(Input::Sample { topic, bytes }));
@@ -269,4 +270,73 @@ fn the_status_line_says_who_drives_or_why_nobody_does() {
     press(&mut rig, 1, Keys::default(), 0);
     let line = rig.status.unwrap().to_string();
     insta::assert_snapshot!(line, @"no key held · robot holds: the deadman is released · tool 0.500 -0.300 0.150 m · trial 2");
+}
+
+#[test]
+fn keys_stop_give_up_and_take_over_and_a_stop_is_repeated_until_it_is_heard() {
+    let (mut rig, mut robot) = (Rig::keyboard(), Robot::default());
+    robot.trial = 1;
+    show(&mut rig, 0, &mut robot);
+    let sample = |stops, releases, take_overs| {
+        let sample = DeviceSample {
+            stops,
+            releases,
+            take_overs,
+            ..DeviceSample::default()
+        };
+        Event::Device(sample)
+    };
+    let wishes = |outputs: &[Output]| {
+        let wish = |output: &Output| match output {
+            Output::Claim(claim) => Some(claim.body.wish),
+            _ => None,
+        };
+        outputs.iter().filter_map(wish).collect::<Vec<_>>()
+    };
+    let stops = |outputs: &[Output]| {
+        let stop = |output: &&Output| matches!(output, Output::Emergency(_));
+        outputs.iter().filter(stop).count()
+    };
+    rig.step(at(1), sample(0, 0, 0));
+    assert_eq!(wishes(&rig.step(at(2), sample(0, 1, 0))), [Wish::Release]);
+    assert_eq!(wishes(&rig.step(at(3), sample(0, 1, 1))), [Wish::TakeOver]);
+    assert_eq!(stops(&rig.step(at(4), sample(1, 1, 1))), 1);
+    assert!(stops(&flow(&mut rig, 60)) >= 2, "nobody has answered");
+    let (stop, by) = (MessageId::default(), Label::new("operator"));
+    robot.stop(Reason::EmergencyStop { stop, by });
+    show(&mut rig, 61, &mut robot);
+    assert_eq!(stops(&flow(&mut rig, 140)), 0, "the robot has heard it");
+    assert!(rig.status.unwrap().to_string().contains("emergency stop by operator"));
+    assert_eq!(
+        wishes(&rig.step(at(141), Event::Stop)),
+        [Wish::Release],
+        "whoever leaves gives the lease up"
+    );
+}
+
+#[test]
+fn a_press_says_its_name_and_the_status_says_who_drives() {
+    let (mut rig, mut robot) = (Rig::keyboard(), Robot::default());
+    robot.trial = 1;
+    show(&mut rig, 0, &mut robot);
+    press(&mut rig, 1, Keys::default(), 0);
+    let outputs = press(&mut rig, 2, Keys::LEFT, 1);
+    let claims = outputs.iter().filter(|output| matches!(output, Output::Claim(_)));
+    assert_eq!(claims.count(), 1);
+    let command = *commands(&outputs).last().unwrap();
+    robot.obey(&command.body);
+    let mut state = robot.repeat();
+    let mut told = |holder| {
+        state.header.seq.advance();
+        let obeyed = state.body.obeys.as_mut().unwrap();
+        obeyed.setpoint.lease = Some(Lease {
+            number: 1,
+            holder,
+            name: Label::new("ada"),
+        });
+        rig.step(at(3), Event::State(Box::new(state)));
+        rig.status.unwrap().to_string()
+    };
+    assert!(told(Session(5)).contains("you hold the lease"));
+    assert!(told(Session(99)).contains("ada holds the lease"));
 }

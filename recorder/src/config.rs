@@ -38,6 +38,9 @@ settings! {
         pub flush_ms: u64 = 500, in 20..=1000;
         /// The size at which a chunk of the session file is compressed and written, in KiB.
         pub chunk_kib: u64 = 256, in 16..=8192;
+        /// Messages that may wait before the recorder takes them up: a second that it waits for the processor must not
+        /// cost one. More cost the oldest ones, which are counted as dropped.
+        pub input_queue: usize = 32768, in 16..=262144;
         /// Messages that may wait for the session file; more are dropped and counted.
         pub file_queue: usize = 32768, in 16..=65536;
         /// Memory that these may take, in MiB.

@@ -403,7 +403,9 @@ const fn level_of(reason: Reason) -> Level {
         | Reason::StateLost { .. }
         | Reason::LoopTooOld
         | Reason::ShuttingDown
-        | Reason::SecondOperator => Level::Warning,
+        | Reason::SecondOperator
+        | Reason::NoLease => Level::Warning,
+        Reason::EmergencyStop { .. } => Level::Error,
     }
 }
 

@@ -87,7 +87,10 @@ fn sample(topic: Topic, bytes: &[u8]) -> Result<Sample, Malformed> {
         Topic::Trial => Sample::Trial(decode(bytes)?),
         Topic::Journal(node) => Sample::Journal(journal_part(node, bytes)?),
         Topic::Info(node) => Sample::Info(node, decode(bytes)?),
-        Topic::Alive(_) | Topic::Device | Topic::Storage => return Err(Malformed::Topic),
+        // Lease and emergency show in setpoints and states, and their bytes in the journals of who heard them.
+        Topic::Lease | Topic::Emergency | Topic::Alive(_) | Topic::Device | Topic::Storage => {
+            return Err(Malformed::Topic);
+        }
     })
 }
 

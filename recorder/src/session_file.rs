@@ -26,6 +26,7 @@
 
 mod cloud;
 mod convert;
+mod journal_schema;
 mod losses;
 mod schemas;
 mod standard;
@@ -59,14 +60,6 @@ const LOSSES_EVERY: Nanos = 10 * SECOND;
 pub(crate) const COUNTS: &str = "tandem.counts";
 /// The record that a later part of a session has.
 pub(crate) const PART: &str = "tandem.part";
-
-const JOURNAL_SCHEMA: &str = "One message of layout version 1 as it travelled. Header of 32 bytes, little-endian: \
-version u8 = 1, kind u8 = 8, zero u16, tick u32, session u64, sequence u64, sent u64 in nanoseconds. Then the body \
-in bincode 2, fixed-width little-endian integers: first u64, lost u64, count u64, and that many entries of: at u64, \
-wall u64, both in nanoseconds, variant u32 with 0 sample (topic, length u64, bytes), 1 wake, 2 presence (peer u32, \
-alive u8), 3 stop, 4 output (topic, length u64, bytes), 5 snapshot (length u64, bytes). A topic is a u32 (0 command, 1 proposal, 2 forecast, \
-3 setpoint, 4 state, 5 scene, 6 trial, 7 journal, 8 info, 9 alive, 10 device, 11 storage), followed for 7 to 9 by the node as a \
-u32 (0 operator, 1 predictor, 2 arbiter, 3 robot-sim, 4 recorder).";
 
 /// Whose session it is, and where its time axis lies.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -325,9 +318,9 @@ impl<W: Write + Seek> SessionFile<W> {
         let id = match self.journals.get(&part.node) {
             Some(id) => *id,
             None => {
-                let schema = self
-                    .writer
-                    .add_schema("tandem.JournalBatch", "text", JOURNAL_SCHEMA.as_bytes())?;
+                let schema =
+                    self.writer
+                        .add_schema("tandem.JournalBatch", "text", journal_schema::text().as_bytes())?;
                 let topic = Topic::Journal(part.node).key(&self.provenance.robot);
                 let id = self
                     .writer

@@ -21,13 +21,14 @@ mod rerun_stream;
 mod viewer;
 mod what_if;
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
 use crossbeam_channel::{Receiver, bounded};
-use tandem_wire::{Condition, NodeName, Storage, Timing};
+use tandem_wire::{Condition, NodeName, Storage, Timing, Topic};
 
 use crate::config::{RecorderConfig, ViewTarget};
 use crate::heard::{Entry, Heard, Level, Note};
@@ -205,6 +206,8 @@ pub struct Sinks {
     dropped_before: u64,
     /// The same when it was last told to people.
     dropped_said: u64,
+    /// What was lost before the recorder took it up, when that was last told.
+    never_heard: BTreeMap<Topic, u64>,
 }
 
 impl Sinks {
@@ -240,6 +243,7 @@ impl Sinks {
             notices: Vec::new(),
             dropped_before: 0,
             dropped_said: 0,
+            never_heard: BTreeMap::new(),
         })
     }
 
@@ -262,6 +266,21 @@ impl Sinks {
             // For the network, not for a file.
             Output::Say(_) => {}
         }
+    }
+
+    /// Takes in what was lost before the recorder took it up, counted from the beginning: it is missing from the session
+    /// file (without one, from the views) like anything else that is dropped.
+    pub fn count_never_heard(&mut self, so_far: BTreeMap<Topic, u64>) {
+        let kind = match self.file {
+            Some(_) => feed::Kind::SessionFile,
+            None => feed::Kind::View,
+        };
+        // What the shell itself says is for no file.
+        for (topic, number) in so_far.iter().filter(|(topic, _)| **topic != Topic::Device) {
+            let before = self.never_heard.get(topic).copied().unwrap_or(0);
+            self.shared.lose_before(kind, *topic, number.saturating_sub(before));
+        }
+        self.never_heard = so_far;
     }
 
     /// How many outputs every sink can still take now: for whoever may wait, as a replay to a file does.

@@ -123,6 +123,10 @@ fn answer(state: &Envelope<State>) -> Envelope<Setpoint> {
     let body = Setpoint {
         velocity,
         motion,
+        lease: Some(tandem_wire::Lease {
+            number: 1,
+            ..tandem_wire::Lease::default()
+        }),
         law: Law::Human,
         weight: Finite(1.0),
         human: velocity,

@@ -6,8 +6,8 @@
 
 use bincode::{Decode, Encode};
 use tandem_wire::{
-    Deadman, Echoes, Envelope, Guard, Header, Malformed, Memory, MessageId, Motion, Nanos, Rearm, Reason, Refusal,
-    Refusals, Remember, Seq, Setpoint, Stamp, Timing,
+    Deadman, Echoes, Envelope, Guard, Header, Lease, Malformed, Memory, MessageId, Motion, Nanos, Rearm, Reason,
+    Refusal, Refusals, Remember, Seq, Setpoint, Stamp, Timing,
 };
 
 /// The stream of setpoints, as the robot hears it.
@@ -25,6 +25,8 @@ pub(crate) struct Hearing {
     /// A setpoint was dropped for its loop age since the last one that was admitted.
     too_old: bool,
     permission: Permission,
+    /// The newest lease of the arbiter's run that is listened to.
+    lease: Option<Lease>,
     refused: Refusals,
 }
 
@@ -39,6 +41,7 @@ impl Hearing {
             newest: Seq(0),
             too_old: false,
             permission: Permission::default(),
+            lease: None,
             refused: Refusals::default(),
         }
     }
@@ -50,13 +53,40 @@ impl Hearing {
             return Err(why);
         }
         let before = self.setpoints.session();
+        let same = before == Some(setpoint.header.session);
+        let hands = self.check_lease(setpoint.body.lease, same)?;
         self.setpoints.admit(now, &setpoint.header)?;
         self.too_old = false;
         self.alive = true;
-        if before != Some(setpoint.header.session) {
+        if !same {
             self.permission.forget();
+            self.lease = None;
         }
-        Ok(self.permission.hear(setpoint.body.motion))
+        if hands == Hands::Others {
+            self.permission.change_hands();
+        }
+        self.lease = setpoint.body.lease.or(self.lease);
+        let motion = match setpoint.body.motion {
+            // An arbiter that obeys somebody without a lease is wrong.
+            Motion::Permitted { .. } if setpoint.body.lease.is_none() => Motion::Held(Reason::NoLease),
+            motion => motion,
+        };
+        Ok(self.permission.hear(motion))
+    }
+
+    /// Refuses a lease that a later one of the same arbiter has outdated, or that differs from the one of its number.
+    ///
+    /// Only while the stream lives: one forged lease of a high number would else have every true one refused for good.
+    fn check_lease(&self, lease: Option<Lease>, same_arbiter: bool) -> Result<Hands, Refusal> {
+        let (Some(known), Some(new)) = (self.lease, lease) else {
+            return Ok(if lease.is_some() { Hands::Others } else { Hands::Same });
+        };
+        let same = (new.number, new.holder) == (known.number, known.holder);
+        match (same_arbiter, same) {
+            (true, true) => Ok(Hands::Same),
+            (true, false) if self.alive && new.number <= known.number => Err(Refusal::SecondOperator),
+            _ => Ok(Hands::Others),
+        }
     }
 
     fn check_loop(&self, now: Stamp, seen: Option<MessageId>) -> Result<(), Refusal> {
@@ -107,10 +137,22 @@ impl Hearing {
         self.permission.spend();
     }
 
+    /// An emergency stop: a press that is held by now does not count, nor one that is made while it is in force.
+    pub(crate) fn forget_press(&mut self) {
+        self.permission.forget();
+    }
+
     /// The arm was put elsewhere: answers to the states so far mean nothing any more.
     pub(crate) fn outdate_states(&mut self) {
         self.outdated = self.newest;
     }
+}
+
+/// Whether a setpoint speaks for the same holder of the lease as the one before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Hands {
+    Same,
+    Others,
 }
 
 impl Remember for Hearing {
@@ -124,6 +166,7 @@ impl Remember for Hearing {
             newest,
             too_old,
             permission,
+            lease,
             refused,
         } = self;
         setpoints.remember(memory)?;
@@ -133,6 +176,7 @@ impl Remember for Hearing {
         memory.part(newest)?;
         memory.part(too_old)?;
         memory.part(permission)?;
+        memory.part(lease)?;
         memory.part(refused)
     }
 }
@@ -182,6 +226,16 @@ impl Permission {
         if let Rearm::Armed(press) = self.rearm {
             self.rearm = Rearm::Spent(press);
         }
+    }
+
+    /// Another operator drives from now on. Its press counts if the arbiter has held motion in between; presses of the one
+    /// before have the same numbers and say nothing about it.
+    fn change_hands(&mut self) {
+        self.last = None;
+        self.rearm = match self.rearm {
+            Rearm::Armed(_) | Rearm::Fresh => Rearm::Fresh,
+            Rearm::Spent(_) | Rearm::Open => Rearm::Open,
+        };
     }
 
     /// Something was missed, or somebody else speaks: a press that is held by now does not count.

@@ -7,6 +7,7 @@
 //! | --- | --- |
 //! | setpoint | checked for loop age, sender and order; taken up by the next plan, at most 10 ms later, if a press permits it |
 //! | trial | begins: the arm is put at the start as soon as it stands; ends: motion is held |
+//! | emergency | latched: the arm is brought to rest and held until it is cleared by its name, and pressed afresh |
 //! | wake | state and scene are published when they are due |
 //! | unreadable sample | counted |
 //! | presence | nothing: a token may outlive the one it speaks of |

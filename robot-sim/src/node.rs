@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use tandem_wire::{
-    Envelope, MILLISECOND, Malformed, Memory, Motion, Node, Numbering, Outbox, Pace, Reason, Refusal, Remember, Scene,
-    Session, Setpoint, Stamp, State, Timing, Topic, Trial, Unreadable,
+    Emergency, Envelope, Latch, MILLISECOND, Malformed, Memory, Motion, Node, Numbering, Outbox, Pace, Reason, Refusal,
+    Remember, Scene, Session, Setpoint, Stamp, State, Timing, Topic, Trial, Unreadable,
 };
 
 use crate::config::{RobotSimSettings, Surroundings, UnusableScene};
@@ -24,6 +24,8 @@ pub enum Event {
     Setpoint(Envelope<Setpoint>),
     /// A trial begins or ends.
     Trial(Envelope<Trial>),
+    /// An emergency stop, or its end.
+    Emergency(Envelope<Emergency>),
     /// Bytes that are no message.
     Unreadable(Unreadable),
     /// The deadline has come.
@@ -64,6 +66,7 @@ pub struct RobotSim {
     hearing: Hearing,
     inner: Inner,
     motion: Motion,
+    latch: Latch,
     trial: Running,
     /// Control periods since the session began.
     tick: u32,
@@ -97,6 +100,7 @@ impl RobotSim {
             hearing: Hearing::new(&timing),
             inner,
             motion: Motion::Held(Reason::NoSetpointYet),
+            latch: Latch::default(),
             trial: Running::default(),
             tick,
             in_step: false,
@@ -121,6 +125,9 @@ impl RobotSim {
 
     /// In lockstep: a setpoint that a bad line kept back comes within the period that has to do without it.
     fn on_late_setpoint(&mut self, at: Stamp, setpoint: Envelope<Setpoint>) {
+        if !setpoint.body.velocity.is_finite() {
+            return self.hearing.refuse(Refusal::Unreadable);
+        }
         self.catch_up(at);
         match self.hearing.admit(at, &setpoint) {
             Err(why) => self.hearing.refuse(why),
@@ -171,12 +178,35 @@ impl RobotSim {
         if setpoint.body.motion.is_permitted() && self.trial.number == 0 {
             self.hold(Reason::NoTrial);
         }
+        self.latch.hear_of(setpoint.body.motion);
+        self.keep_stopped();
         self.inner.obey(setpoint, now);
     }
 
     fn on_trial(&mut self, trial: &Envelope<Trial>) {
         if self.trial.take(trial) {
             self.end_trial();
+        }
+    }
+
+    /// An emergency stop does not wait for the arbiter, nor its acknowledgement for the next state that is due.
+    fn on_emergency(&mut self, now: Stamp, emergency: &Envelope<Emergency>, outbox: &mut Outbox<Output>) {
+        if !self.latch.hear(emergency) {
+            return;
+        }
+        self.motion = Motion::Held(Reason::AwaitingPress);
+        self.hearing.forget_press();
+        self.keep_stopped();
+        if self.timing.pace == Pace::Real {
+            self.publish_state(now, outbox);
+        }
+    }
+
+    /// While an emergency stop is in force nothing else is said about motion, and no press counts.
+    fn keep_stopped(&mut self) {
+        if let Some(reason) = self.latch.reason() {
+            self.motion = Motion::Held(reason);
+            self.hearing.forget_press();
         }
     }
 
@@ -208,6 +238,7 @@ impl RobotSim {
     fn hold(&mut self, reason: Reason) {
         self.motion = Motion::Held(reason);
         self.hearing.spend_press();
+        self.keep_stopped();
     }
 
     /// Simulates every inner tick up to `now` under what was known then. If the process slept for so long that this
@@ -247,6 +278,7 @@ impl RobotSim {
             && let Some(reason) = self.hearing.newly_lost(now)
         {
             self.motion = Motion::Held(reason);
+            self.keep_stopped();
         }
     }
 
@@ -347,6 +379,7 @@ impl Remember for RobotSim {
             hearing,
             inner,
             motion,
+            latch,
             trial,
             tick,
             in_step,
@@ -359,6 +392,7 @@ impl Remember for RobotSim {
         hearing.remember(memory)?;
         inner.remember(memory)?;
         memory.part(motion)?;
+        memory.part(latch)?;
         memory.part(trial)?;
         memory.part(tick)?;
         memory.part(in_step)?;
@@ -386,6 +420,7 @@ impl Node for RobotSim {
             Event::Setpoint(setpoint) if within => self.on_late_setpoint(at, setpoint),
             Event::Setpoint(setpoint) => self.on_setpoint(now, setpoint, outbox),
             Event::Trial(trial) => self.on_trial(&trial),
+            Event::Emergency(emergency) => self.on_emergency(now, &emergency, outbox),
             Event::Unreadable(_) => self.hearing.refuse(Refusal::Unreadable),
             Event::Missed { topic, tick } => self.on_missed(topic, tick, outbox),
             Event::Wake | Event::Presence => {}

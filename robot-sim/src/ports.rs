@@ -6,7 +6,7 @@ use crate::node::{Event, Output, RobotSim};
 
 impl Ports for RobotSim {
     const NAME: NodeName = NodeName::RobotSim;
-    const INPUTS: &'static [Topic] = &[Topic::Setpoint, Topic::Trial];
+    const INPUTS: &'static [Topic] = &[Topic::Setpoint, Topic::Trial, Topic::Emergency];
     const OUTPUTS: &'static [Topic] = &[Topic::State, Topic::Scene];
 
     fn event(input: Input<'_>) -> Event {
@@ -44,6 +44,7 @@ fn read(topic: Topic, bytes: &[u8]) -> Event {
     let event = match topic {
         Topic::Setpoint => decode(bytes).map(Event::Setpoint),
         Topic::Trial => decode(bytes).map(Event::Trial),
+        Topic::Emergency => decode(bytes).map(Event::Emergency),
         _ => Err(Malformed::Topic),
     };
     event.unwrap_or_else(|why| Event::Unreadable(Unreadable { topic, why }))

@@ -64,12 +64,11 @@ fn measure(program: &str, seconds: u64, rate: u64, is_stalled: bool, folder: &Pa
     let code = recorder.wait()?.code();
     println!("exit code      {code:?}");
     if !is_stalled {
-        let kept = kept(&session)?;
+        let Kept { messages, dropped } = kept(&session)?;
         let sent = sent?;
-        println!(
-            "in the file    {kept} of {sent} sent, {} missing",
-            sent.saturating_sub(kept)
-        );
+        let missing = sent.saturating_sub(messages);
+        println!("in the file    {messages} of {sent} sent, {missing} missing");
+        println!("               of these {dropped} dropped by the recorder, the others by the network's sender");
     } else {
         sent?;
     }
@@ -138,7 +137,13 @@ fn wait_for(link: &Link) -> Result<(), Failure> {
     Err("the recorder does not come up".into())
 }
 
-fn kept(session: &Path) -> Result<u64, Failure> {
+/// What became of what was sent.
+struct Kept {
+    messages: u64,
+    dropped: u64,
+}
+
+fn kept(session: &Path) -> Result<Kept, Failure> {
     let bytes = std::fs::read(session)?;
     let summary = mcap::Summary::read(&bytes)?.ok_or("the file has no index")?;
     let channel = summary
@@ -147,7 +152,18 @@ fn kept(session: &Path) -> Result<u64, Failure> {
         .find(|channel| channel.topic.ends_with("journal/arbiter"));
     let id = channel.ok_or("no journal in the file")?.id;
     let statistics = summary.stats.ok_or("the file has no statistics")?;
-    Ok(statistics.channel_message_counts.get(&id).copied().unwrap_or(0))
+    let messages = statistics.channel_message_counts.get(&id).copied().unwrap_or(0);
+    let counts = summary
+        .metadata_indexes
+        .iter()
+        .rfind(|index| index.name == "tandem.counts");
+    let counts = mcap::read::metadata(&bytes, counts.ok_or("the file has no counts")?)?;
+    let dropped = counts
+        .metadata
+        .get("dropped.session_file")
+        .ok_or("the counts do not say")?;
+    let dropped = dropped.parse()?;
+    Ok(Kept { messages, dropped })
 }
 
 /// A journal's part of exactly so many bytes; half of them are like a number's, which do not compress.

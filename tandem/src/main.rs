@@ -6,6 +6,7 @@ mod speaking;
 
 mod configuration;
 mod demo;
+mod estop;
 mod forecast;
 mod interrupt;
 mod nodes;
@@ -44,6 +45,8 @@ struct Arguments {
 enum Subcommands {
     /// Runs the whole loop in this process: a simulated human and CESN+ steer a Panda around two obstacles.
     Demo(demo::DemoFlags),
+    /// Stops a robot at once, whoever drives it; --clear lets it go again.
+    Estop(estop::EstopFlags),
     /// Runs the operator's node: where commands come from.
     Operator(nodes::OperatorFlags),
     /// Runs the predictor's node: what the robot would do, and how sure it is.
@@ -110,6 +113,7 @@ fn main() -> ExitCode {
 fn run() -> ExitCode {
     let result = match Arguments::parse().command {
         Subcommands::Demo(flags) => demo::run(&flags),
+        Subcommands::Estop(flags) => estop::run(&flags),
         Subcommands::Operator(flags) => nodes::operator(&flags),
         Subcommands::Predictor(flags) => nodes::predictor(&flags),
         Subcommands::Arbiter(flags) => nodes::arbiter(&flags),

@@ -13,6 +13,7 @@ use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 use tandem_link::net::DEFAULT_ENDPOINT;
 use tandem_link::{JournalReport, Link, LinkSettings, Observer, Running, Sighting};
 use tandem_operator::{SourceKind, keyboard};
+use tandem_recorder::Notice;
 use tandem_trials::Configuration;
 use tandem_wire::{NodeName, Trial};
 
@@ -231,7 +232,8 @@ pub(crate) fn connect(settings: &LinkSettings, gave_up: impl Fn() -> bool) -> an
 /// How often a process looks whether its node has ended.
 const POLL: Duration = Duration::from_millis(100);
 
-fn describe(settings: &LinkSettings) -> String {
+/// Whom it will talk to, in words.
+pub(crate) fn describe(settings: &LinkSettings) -> String {
     match (settings.listen.as_slice(), settings.connect.as_slice()) {
         ([], []) => format!("connecting to {DEFAULT_ENDPOINT} (no --listen or --connect given)"),
         ([], connect) => format!("connecting to {}", connect.join(", ")),
@@ -408,6 +410,10 @@ pub(crate) fn recorder(flags: &RecorderFlags) -> anyhow::Result<Outcome> {
     }
     for notice in &closed.notices {
         eprintln!("recorder: {notice}");
+    }
+    let channels: Vec<_> = closed.drops.session_file.by_channel().collect();
+    if !channels.is_empty() {
+        eprintln!("recorder: {}", Notice::Dropped { channels });
     }
     Ok(if lost(&closed) > 0 {
         Outcome::SamplesLost

@@ -7,7 +7,7 @@ use anyhow::{Context as _, bail};
 use tandem_arbiter::Arbiter;
 use tandem_cesn::Model;
 use tandem_link::{
-    Clock, Device, Faults, Link, LinkSettings, Running, ShellOptions, SpoolOptions, fresh_session, spawn,
+    Clock, Device, Dropped, Faults, Link, LinkSettings, Running, ShellOptions, SpoolOptions, fresh_session, spawn,
 };
 use tandem_operator::Operator;
 use tandem_predictor::Predictor;
@@ -79,6 +79,10 @@ impl Parts {
                 model,
             },
             impairment: configuration.impairment.clone(),
+            queue: match N::NAME {
+                NodeName::Recorder => configuration.recorder.input_queue,
+                _ => ShellOptions::QUEUE,
+            },
             await_peers: if lockstep {
                 self.await_peers
                     .iter()
@@ -148,13 +152,14 @@ impl RunningRecorder {
     /// Ends the recorder: what has arrived is written, the file closed.
     pub(crate) fn stop(self) -> anyhow::Result<Closed> {
         self.node.stop();
+        let dropped = self.node.dropped();
         if self.node.join().is_none() {
             bail!("the recorder panicked: please report this; the session file ends at its last flush");
         }
         let sinks = Arc::into_inner(self.sinks).and_then(|sinks| sinks.into_inner().ok());
-        Ok(sinks
-            .context("the recorder's files are still in use")?
-            .close(CLOSE_LIMIT))
+        let mut sinks = sinks.context("the recorder's files are still in use")?;
+        sinks.count_never_heard(dropped.by_topic());
+        Ok(sinks.close(CLOSE_LIMIT))
     }
 }
 
@@ -175,23 +180,28 @@ impl Parts {
     pub(crate) fn recorder(&self, link: &Link, sinks: Sinks) -> anyhow::Result<RunningRecorder> {
         let sinks = Arc::new(Mutex::new(sinks));
         let shared = Arc::clone(&sinks);
-        let back = Arc::new(OnceLock::<Device>::new());
+        let back = Arc::new(OnceLock::<(Device, Dropped)>::new());
         let entrance = Arc::clone(&back);
         let local = move |_, output| {
             let is_look_due = is_counts(&output);
             if let Ok(mut sinks) = shared.lock() {
+                let node = entrance.get().filter(|_| is_look_due);
+                // Before the counts are written, which tell of it.
+                if let Some((_, dropped)) = node {
+                    sinks.count_never_heard(dropped.by_topic());
+                }
                 sinks.handle(output);
                 for notice in sinks.notices() {
                     eprintln!("recorder: {notice}");
                 }
                 // A second's word that finds no room in a full queue is followed by the next second's.
-                let _ = is_look_due && entrance.get().is_some_and(|node| node.send(to_bytes(&sinks.storage())));
+                let _ = node.is_some_and(|(device, _)| device.send(to_bytes(&sinks.storage())));
             }
         };
         let recorder = Recorder::new(self.blueprint.timing()).in_session(self.blueprint.session());
         let node = spawn(link, recorder, self.options::<Recorder>(), local)?;
         // Nobody else sets it.
-        let _ = back.set(node.device());
+        let _ = back.set((node.device(), node.dropped()));
         Ok(RunningRecorder { node, sinks })
     }
 }

@@ -16,12 +16,12 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use crossbeam_channel::{Receiver, never, select};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use tandem_link::{Clock, Link};
+use tandem_link::Clock;
 use tandem_recorder::{Provenance, Recorded, RecorderConfig, RecorderSettings, Recording};
 use tandem_wire::{Nanos, Pace, RobotName, SECOND, Stamp, Timing, Topic, keys, seconds};
 
 use crate::configuration::BadConfiguration;
-use crate::nodes::NodeFlags;
+use crate::nodes::{self, NodeFlags};
 use crate::session::{self, PLAYED};
 use crate::{BUILD, Outcome, interrupt, verify};
 use keyboard::{Key, Keyboard};
@@ -76,7 +76,7 @@ pub(crate) struct ReplayFlags {
     rrd: Option<PathBuf>,
     /// Drives the live robot --robot NAME along the recorded path, while somebody at this terminal holds the deadman: the
     /// path of the tool, through that robot's own arbiter and limits. A robot that stands elsewhere is first eased in or
-    /// refused; see [replay] in the configuration.
+    /// refused; see `[replay]` in the configuration.
     #[arg(long, conflicts_with_all = ["verify", "repeats", "topics", "rename", "view", "rrd"])]
     drive: bool,
     /// Prints the summary as one JSON object.
@@ -160,7 +160,9 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
     if Player::new(instants(&messages, timing), plan, Stamp(0)).is_empty() {
         bail!("there is nothing to play: no message of these topics lies between --from and --until");
     }
-    let target = open(flags, &recording, timing)?;
+    let Some(target) = open(flags, &recording, timing, &interrupted)? else {
+        return Ok(Outcome::Failed);
+    };
     let began = Instant::now();
     let is_live = flags.rrd.is_none();
     let mut show = Show::new(&messages, timing, plan, target, is_live, interrupted);
@@ -178,9 +180,15 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
 /// A session that ends by then is short enough for the index of its Rerun recording to be kept in memory.
 const INDEXED: Nanos = 600 * SECOND;
 
-fn open(flags: &ReplayFlags, recording: &Recording, timing: Timing) -> anyhow::Result<Target> {
+/// The target, or `None` if the user gave up before anybody answered.
+fn open(
+    flags: &ReplayFlags,
+    recording: &Recording,
+    timing: Timing,
+    interrupted: &Receiver<()>,
+) -> anyhow::Result<Option<Target>> {
     if flags.node.is_network() {
-        return network(flags, recording);
+        return network(flags, recording, interrupted);
     }
     let robot = recording
         .robot
@@ -212,12 +220,11 @@ fn open(flags: &ReplayFlags, recording: &Recording, timing: Timing) -> anyhow::R
         .for_replay();
     let is_file = flags.rrd.is_some();
     let waits = is_file || flags.speed == Some(Speed::Max);
-    Ok(Target::View(Box::new(Screen::open(
-        config, timing, provenance, waits, is_file,
-    )?)))
+    let screen = Screen::open(config, timing, provenance, waits, is_file)?;
+    Ok(Some(Target::View(Box::new(screen))))
 }
 
-fn network(flags: &ReplayFlags, recording: &Recording) -> anyhow::Result<Target> {
+fn network(flags: &ReplayFlags, recording: &Recording, interrupted: &Receiver<()>) -> anyhow::Result<Option<Target>> {
     let settings = flags.node.configuration(&[])?.link;
     if recording
         .robot
@@ -234,8 +241,13 @@ fn network(flags: &ReplayFlags, recording: &Recording) -> anyhow::Result<Target>
         Some(Speed::Max) => Pace::Lockstep,
         _ => Pace::Real,
     };
-    let link = Link::open(&settings)?;
-    Ok(Target::Network(Network::open(link, pace, flags.rename.clone())?))
+    eprintln!("replay: {}", nodes::describe(&settings));
+    let Some(link) = nodes::connect(&settings, || interrupted.try_recv().is_ok())? else {
+        return Ok(None);
+    };
+    let only_dials = settings.listen.is_empty();
+    let network = Network::open(link, pace, flags.rename.clone(), only_dials)?;
+    Ok(Some(Target::Network(network)))
 }
 
 /// When each message happened on the session's time axis, from the first one on: by arrival, or in lockstep, whose
@@ -277,6 +289,8 @@ struct Show<'a> {
     late: Vec<Nanos>,
     passes: u64,
     played: u64,
+    /// When the target was last looked at.
+    looked: Instant,
 }
 
 impl<'a> Show<'a> {
@@ -312,20 +326,22 @@ impl<'a> Show<'a> {
             late: Vec::with_capacity(messages.len()),
             passes: 1,
             played: 0,
+            looked: Instant::now(),
         }
     }
 
     fn run(&mut self) -> anyhow::Result<()> {
         self.show_what_holds(self.player.next())?;
         loop {
-            let Some(event) = self.next_event() else { return Ok(()) };
+            let Some(event) = self.next_event()? else { return Ok(()) };
             self.player.step(self.clock.now(), event, &mut self.outputs);
             let outputs = std::mem::take(&mut self.outputs);
             for output in &outputs {
                 match *output {
                     Output::Play { index, due } => self.play(index, due)?,
                     Output::Jumped { to } => self.jump(to)?,
-                    Output::Ended => return Ok(()),
+                    // What vanished with the last messages in its hands has not shown them.
+                    Output::Ended => return self.target.look(),
                 }
             }
             self.outputs = outputs;
@@ -333,12 +349,17 @@ impl<'a> Show<'a> {
         }
     }
 
-    /// The next key or the deadline, whichever comes first; `None` when it shall end.
-    fn next_event(&self) -> Option<Event> {
+    /// The next key or the deadline, whichever comes first; `None` when it shall end. An error if the target vanished,
+    /// also while it is paused.
+    fn next_event(&mut self) -> anyhow::Result<Option<Event>> {
         let silent = never();
-        let keys = self.keyboard.as_ref().map_or(&silent, Keyboard::keys);
         loop {
             let now = Instant::now();
+            if now.duration_since(self.looked) >= REFRESH {
+                self.looked = now;
+                self.target.look()?;
+            }
+            let keys = self.keyboard.as_ref().map_or(&silent, Keyboard::keys);
             let refresh = now + REFRESH;
             let due = self.player.deadline().map(|due| self.clock.instant(due));
             let until = due.map_or(refresh, |due| due.min(refresh));
@@ -349,9 +370,9 @@ impl<'a> Show<'a> {
                 default(until.saturating_duration_since(now)) => None,
             };
             match key {
-                Some(Key::Quit) => return None,
-                Some(Key::Player(event)) => return Some(event),
-                None if due == Some(until) || until <= now => return Some(Event::Wake),
+                Some(Key::Quit) => return Ok(None),
+                Some(Key::Player(event)) => return Ok(Some(event)),
+                None if due == Some(until) || until <= now => return Ok(Some(Event::Wake)),
                 None => {}
             }
         }

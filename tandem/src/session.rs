@@ -15,6 +15,7 @@ use tandem_settings::Document;
 use tandem_wire::{Timing, Topic};
 
 use crate::Outcome;
+use export::Format;
 pub(crate) use family::load;
 pub(crate) use family::parts;
 pub(crate) use verdict::note;
@@ -67,8 +68,11 @@ pub(crate) struct ExportFlags {
     /// Further parts of the same session, instead of those beside the first.
     more: Vec<PathBuf>,
     /// The folder for state.csv, setpoint.csv, command.csv, proposal.csv and ticks.csv; made if it is not there.
+    #[arg(long, value_name = "DIR", required_unless_present = "parquet")]
+    csv: Option<PathBuf>,
+    /// The folder for the same tables as Parquet files.
     #[arg(long, value_name = "DIR")]
-    csv: PathBuf,
+    parquet: Option<PathBuf>,
 }
 
 pub(crate) fn run(command: &SessionCommands) -> anyhow::Result<Outcome> {
@@ -83,7 +87,11 @@ pub(crate) fn run(command: &SessionCommands) -> anyhow::Result<Outcome> {
         SessionCommands::Export(flags) => {
             let recording = family::load(&flags.file, &flags.more)?;
             warn(&recording);
-            export::write(&recording, &flags.csv)?;
+            for (format, folder) in [(Format::Csv, &flags.csv), (Format::Parquet, &flags.parquet)] {
+                if let Some(folder) = folder {
+                    export::write(&recording, format, folder)?;
+                }
+            }
             Ok(Outcome::Done)
         }
     }

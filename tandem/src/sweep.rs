@@ -15,7 +15,7 @@ use crate::{Outcome, interrupt, shipped};
 
 #[derive(Args)]
 pub(crate) struct SweepFlags {
-    /// What to sweep: a [sweep] section, and others that hold for every trial [default: the shipped grid].
+    /// What to sweep: a `[sweep]` section, and others that hold for every trial [default: the shipped grid].
     #[arg(long, value_name = "FILE")]
     plan: Option<PathBuf>,
     /// Where finished cells, table and figure are kept; a sweep that was cut short goes on there.

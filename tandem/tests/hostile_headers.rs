@@ -133,6 +133,7 @@ impl Dice {
             motion: Motion::Permitted {
                 press: self.half(usual),
             },
+            lease: None,
             law: Law::Adaptive,
             weight: Finite(self.number()),
             human: self.vector(),

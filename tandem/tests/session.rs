@@ -194,6 +194,30 @@ fn on_the_network_a_replay_shows_what_was_and_commands_nobody() {
 }
 
 #[test]
+fn a_topic_is_left_out_or_has_another_name_as_asked() {
+    let (observer, link, endpoint) = listen();
+    let flags = ["--robot", "ghost", "--connect", &endpoint, "--speed", "max", "--json"];
+    let names = ["--topics", "state,scene", "--rename", "state=pose"];
+    let path = session();
+    let arguments = [["replay", text(&path)].as_slice(), &flags, &names].concat();
+    let summary = json(&tandem(&arguments));
+    let mut heard = Vec::new();
+    while let Some(sighting) = observer.next(Duration::from_millis(500)) {
+        if let Sighting::Sample { topic, .. } = sighting {
+            heard.push(topic);
+        }
+    }
+    assert!(heard.contains(&Topic::Scene));
+    assert!(heard.iter().all(|topic| *topic == Topic::Scene), "{heard:?}");
+    let played = states(&recording(&path)) + heard.len();
+    assert_eq!(
+        summary["messages_played"], played,
+        "states went out, under a name that is no topic of ours"
+    );
+    link.close();
+}
+
+#[test]
 fn a_second_pass_is_another_run_of_its_senders() {
     let (observer, link, endpoint) = listen();
     let path = session();
@@ -421,4 +445,25 @@ fn there_is_one_row_for_every_tick() {
     assert_eq!(rows[40][columns[1]], "4");
     assert_eq!(rows[40][columns[2]], "4");
     assert!(rows[41][columns[3]].parse::<f64>().is_ok());
+}
+
+/// Tables as Parquet must read where people read them, and say the same as CSV; skipped where Python lacks the reader.
+#[test]
+fn another_reader_finds_the_same_numbers_in_parquet_and_csv() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flags = ["--csv", text(folder.path()), "--parquet", text(folder.path())];
+    let export = tandem(&[&["session", "export", text(&session())], flags.as_slice()].concat());
+    assert!(export.status.success(), "{}", String::from_utf8_lossy(&export.stderr));
+    let state = std::fs::read(folder.path().join("state.parquet")).expect("a table");
+    assert!(state.starts_with(b"PAR1") && state.ends_with(b"PAR1"));
+    let python = std::env::var("TANDEM_PYTHON").unwrap_or_else(|_| "python3".into());
+    let reader = Command::new(&python).args(["-c", "import pyarrow.parquet"]).output();
+    if !reader.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: {python} has no pyarrow; set TANDEM_PYTHON to one that has");
+        return;
+    }
+    let script = include_str!("parquet_equals_csv.py");
+    let output = Command::new(&python).args(["-c", script, text(folder.path())]).output();
+    let output = output.expect("python runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }

@@ -98,6 +98,25 @@ fn a_constant_weight_is_the_weight_that_is_used() {
 }
 
 #[test]
+fn another_model_and_the_attentive_law_meet_the_same_commands() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let model = folder.path().join("small.cesn");
+    let demonstrations = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/demonstrations");
+    let demonstrations = ["planar_a08.csv", "planar_a11.csv", "planar_a14.csv"].map(|name| demonstrations.join(name));
+    let mut train = vec!["train", "-o", text(&model), "--set", "units=60", "--seed", "3"];
+    train.extend(demonstrations.iter().map(|path| text(path)));
+    let trained = tandem(&train);
+    assert!(trained.status.success(), "{}", String::from_utf8_lossy(&trained.stderr));
+    let (answer, pictures) = what_if(&["--model", text(&model), "--law", "attentive"]);
+    assert_eq!(answer["law"], "attentive");
+    assert_eq!(answer["is_the_original"], false);
+    let trial = &answer["trials"][0];
+    // Another model says nothing before the checkpoint either.
+    assert!(trial["parts_at_tick"].as_u64().is_some_and(|tick| tick > 30), "{trial}");
+    assert!(pictures.path().join("what-if-attentive-small.rrd").is_file());
+}
+
+#[test]
 fn what_cannot_be_asked_is_refused_in_words() {
     for law in ["constant=2", "constant=", "fuzzy"] {
         let output = tandem(&["what-if", text(&session()), "--law", law]);

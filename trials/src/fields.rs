@@ -7,7 +7,8 @@ use std::collections::BTreeMap;
 use std::fmt::Debug;
 
 use tandem_wire::{
-    Command, Envelope, Forecast, Message, NodeInfo, Proposal, Scene, Setpoint, State, Storage, Topic, Trial, decode,
+    Claim, Command, Emergency, Envelope, Forecast, Message, NodeInfo, Proposal, Scene, Setpoint, State, Storage, Topic,
+    Trial, decode,
 };
 
 /// Two numbers count as equal when they differ by no more than this, or by this share of the larger one.
@@ -61,6 +62,8 @@ fn print(topic: Topic, bytes: &[u8]) -> Option<String> {
         Topic::State => of::<State>(bytes),
         Topic::Scene => of::<Scene>(bytes),
         Topic::Trial => of::<Trial>(bytes),
+        Topic::Lease => of::<Claim>(bytes),
+        Topic::Emergency => of::<Emergency>(bytes),
         Topic::Info(_) => of::<NodeInfo>(bytes),
         Topic::Storage => of::<Storage>(bytes),
         Topic::Journal(_) | Topic::Alive(_) | Topic::Device => None,

@@ -58,6 +58,7 @@ impl Stage {
             },
             await_peers: vec![],
             impairment: configuration.impairment.clone(),
+            queue: ShellOptions::QUEUE,
             spool: SpoolOptions {
                 folder: self.spool.clone(),
                 limit_bytes: self.course.spool_bytes,

@@ -186,7 +186,7 @@ fn with_keyboard(script: &Script, seed: u64) -> Script {
         lottery = lottery.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
         lottery.to_be_bytes()
     };
-    let mut pressing = [1, 0, 0, 0];
+    let mut pressing = [3, 0, 0, 0, 0, 0, 0];
     let mut with = Script::new();
     for (now, happening) in script {
         with.push((*now, happening.clone()));
@@ -194,7 +194,9 @@ fn with_keyboard(script: &Script, seed: u64) -> Script {
         if change > 240 {
             pressing[1] = keys & 0x7f;
             pressing[2] = u8::wrapping_add(pressing[2], more & 1);
-            pressing[3] = u8::wrapping_add(pressing[3], (more >> 1) & 1);
+            for (bit, count) in (1..).zip(&mut pressing[3..]) {
+                *count = count.wrapping_add((more >> bit) & 1);
+            }
         }
         let bytes = pressing.to_vec();
         let topic = Topic::Device;

@@ -23,6 +23,7 @@ fn setpoint(tick: u32, motion: Motion, weight: f64, guidance: Option<Guidance>) 
     let body = Setpoint {
         velocity: human,
         motion,
+        lease: None,
         law: Law::Adaptive,
         weight: Finite(weight),
         human,

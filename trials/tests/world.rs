@@ -62,6 +62,7 @@ where
         spool: SpoolOptions::default(),
         faults: Faults::default(),
         impairment: blueprint.configuration().impairment.clone(),
+        queue: ShellOptions::QUEUE,
     };
     spawn(link, node, options, |_, _| {}).expect("a node starts")
 }

@@ -30,6 +30,8 @@ fn benches(criterion: &mut Criterion) {
     round_trip(criterion, "forecast", samples::forecast());
     round_trip(criterion, "scene", samples::scene());
     round_trip(criterion, "trial", samples::trial());
+    round_trip(criterion, "lease", samples::claim());
+    round_trip(criterion, "estop", samples::emergency());
     round_trip(criterion, "journal", samples::journal());
     round_trip(criterion, "info", samples::info());
 }

@@ -37,6 +37,12 @@ pub enum Refusal {
     /// Its number or its tick is further on than its sender can have come since the last one.
     #[error("numbered further ahead than time allows")]
     TooFarAhead,
+    /// Another operator holds the lease.
+    #[error("another operator holds the lease")]
+    SecondOperator,
+    /// A take-over by somebody who is no supervisor.
+    #[error("not a supervisor: only the names in arbiter.supervisors may take the lease over")]
+    NotSupervisor,
 }
 
 impl From<Malformed> for Refusal {
@@ -68,7 +74,7 @@ const FASTEST_PERIOD: Nanos = MILLISECOND;
 const LEAP: u64 = 50;
 
 /// Admits one stream's messages in order and knows when the stream is lost.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Guard {
     timeout: Nanos,
     newest: Option<MessageId>,

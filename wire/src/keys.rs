@@ -77,6 +77,10 @@ pub enum Topic {
     Alive(NodeName),
     /// A raw sample of an input device: stays inside the operator's process, and is journalled there.
     Device,
+    /// An operator wants the lease, or gives it up: [`Claim`](crate::Claim).
+    Lease,
+    /// Stop at once, whoever drives: [`Emergency`](crate::Emergency).
+    Emergency,
     /// How well the session file is kept: [`Storage`](crate::Storage).
     Storage,
 }
@@ -86,6 +90,8 @@ pub enum Topic {
 pub enum Delivery {
     /// The newest value is all that counts; late ones are worthless.
     Stream,
+    /// Rare, each one counts, and nothing may hold it up. Its sender repeats it until it is heard.
+    Urgent,
     /// Rare, and each one counts.
     Event,
     /// Much of it, never in the way of a stream.
@@ -104,6 +110,8 @@ impl Topic {
             Self::State => "state".into(),
             Self::Scene => "scene".into(),
             Self::Trial => "trial".into(),
+            Self::Lease => "lease".into(),
+            Self::Emergency => "estop".into(),
             Self::Journal(node) => format!("journal/{node}"),
             Self::Info(node) => format!("node/{node}"),
             Self::Alive(node) => format!("alive/{node}"),
@@ -123,6 +131,7 @@ impl Topic {
     pub const fn delivery(self) -> Delivery {
         match self {
             Self::Command | Self::Proposal | Self::Setpoint | Self::State | Self::Device => Delivery::Stream,
+            Self::Lease | Self::Emergency => Delivery::Urgent,
             Self::Forecast | Self::Scene | Self::Trial | Self::Info(_) | Self::Alive(_) => Delivery::Event,
             Self::Journal(_) | Self::Storage => Delivery::Bulk,
         }
@@ -143,6 +152,8 @@ impl Topic {
             Self::Info(_) => 9,
             Self::Device => 10,
             Self::Storage => 11,
+            Self::Lease => 12,
+            Self::Emergency => 13,
             Self::Alive(_) => 0,
         }
     }
@@ -218,6 +229,8 @@ pub fn parse(key: &str) -> Option<(RobotName, Topic)> {
         ("state", None) => Topic::State,
         ("scene", None) => Topic::Scene,
         ("trial", None) => Topic::Trial,
+        ("lease", None) => Topic::Lease,
+        ("estop", None) => Topic::Emergency,
         ("storage", None) => Topic::Storage,
         ("journal", Some(node)) => Topic::Journal(node_named(node)?),
         ("node", Some(node)) => Topic::Info(node_named(node)?),
@@ -239,7 +252,8 @@ mod tests {
     fn every_topic_is_read_back_from_its_key() {
         let robot: RobotName = "panda-1".parse().unwrap();
         let mut topics = vec![Topic::Command, Topic::Proposal, Topic::Forecast, Topic::Setpoint];
-        topics.extend([Topic::State, Topic::Scene, Topic::Trial, Topic::Storage]);
+        topics.extend([Topic::State, Topic::Scene, Topic::Trial, Topic::Lease]);
+        topics.extend([Topic::Emergency, Topic::Storage]);
         for node in NodeName::ALL {
             topics.extend([Topic::Journal(node), Topic::Info(node), Topic::Alive(node)]);
         }

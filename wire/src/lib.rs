@@ -12,11 +12,14 @@
 //! Start reading at [`messages`].
 
 pub mod codec;
+mod emergency;
 mod frame;
 mod geometry;
 pub mod guard;
 mod journal;
 pub mod keys;
+mod label;
+mod lease;
 mod memory;
 pub mod messages;
 mod node;
@@ -26,11 +29,14 @@ mod storage;
 mod timing;
 
 pub use codec::{Envelope, Header, Malformed, Message, decode, encode};
+pub use emergency::{Emergency, Latch};
 pub use frame::TaskFrame;
 pub use geometry::{Aabb, Finite, Pose, Vec3};
 pub use guard::{Echoes, Guard, Rearm, Refusal, Refusals, StateGuard, stream_timeout};
 pub use journal::{Happening, JournalBatch, JournalEntry, Question};
 pub use keys::{Delivery, NodeName, RobotName, Topic};
+pub use label::{LABEL_BYTES, Label};
+pub use lease::{Claim, Lease, Wish};
 pub use memory::{Memory, Remember, restore, snapshot};
 pub use messages::{
     Body, Clearance, Command, Cylinder, Deadman, Forecast, ForecastPoint, Guidance, JOINTS, LINKS, Law, Limited,

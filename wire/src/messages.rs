@@ -6,7 +6,8 @@ use bincode::{Decode, Encode};
 use crate::codec::{Envelope, Message};
 use crate::guard::Refusals;
 use crate::{
-    Aabb, Finite, Malformed, Memory, MessageId, Motion, Nanos, Pose, Remember, Seq, Session, Stamp, Topic, Vec3,
+    Aabb, Claim, Emergency, Finite, Lease, Malformed, Memory, MessageId, Motion, Nanos, Pose, Remember, Seq, Session,
+    Stamp, Topic, Vec3,
 };
 
 /// Joints of the arm.
@@ -143,6 +144,8 @@ pub struct Setpoint {
     pub velocity: Vec3,
     /// Whether the robot may move, and if not, why.
     pub motion: Motion,
+    /// Who may drive.
+    pub lease: Option<Lease>,
     /// The law in force.
     pub law: Law,
     /// The human's weight ω: `blended = ω·human + (1 − ω)·robot`.
@@ -318,6 +321,8 @@ message!(Setpoint, Topic::Setpoint, 1024);
 message!(State, Topic::State, 4096);
 message!(Scene, Topic::Scene, 1 << 16);
 message!(Trial, Topic::Trial, 1 << 12);
+message!(Claim, Topic::Lease, 128);
+message!(Emergency, Topic::Emergency, 128);
 message!(NodeInfo, Topic::Info(crate::NodeName::Operator), 1 << 24);
 
 /// Numbers the messages of one stream.

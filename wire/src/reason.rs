@@ -4,7 +4,8 @@ use std::fmt;
 
 use bincode::{Decode, Encode};
 
-use crate::stamp::{Nanos, seconds};
+use crate::Label;
+use crate::stamp::{MessageId, Nanos, seconds};
 
 /// Why motion is not permitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
@@ -40,8 +41,17 @@ pub enum Reason {
     NoTrial,
     /// The sender is shutting down.
     ShuttingDown,
-    /// Another operator's commands arrive while one is driving.
+    /// Another operator holds the lease, or has just taken it over.
     SecondOperator,
+    /// Nobody holds the lease, or it was given up.
+    NoLease,
+    /// An emergency stop is in force until somebody clears it.
+    EmergencyStop {
+        /// Its name.
+        stop: MessageId,
+        /// Who stopped.
+        by: Label,
+    },
 }
 
 impl fmt::Display for Reason {
@@ -59,7 +69,10 @@ impl fmt::Display for Reason {
             Self::TrialOver => f.write_str("the trial is over"),
             Self::NoTrial => f.write_str("no trial is running"),
             Self::ShuttingDown => f.write_str("the node is shutting down"),
-            Self::SecondOperator => f.write_str("a second operator sends commands"),
+            Self::SecondOperator => f.write_str("another operator holds the lease"),
+            Self::NoLease => f.write_str("nobody holds the lease"),
+            Self::EmergencyStop { by, .. } if by.is_empty() => f.write_str("emergency stop"),
+            Self::EmergencyStop { by, .. } => write!(f, "emergency stop by {by}"),
         }
     }
 }

@@ -22,7 +22,7 @@ pub enum Condition {
     /// Nothing: what arrives is kept.
     #[default]
     Kept,
-    /// The disk is too slow: some of what arrives is dropped.
+    /// The disk or the processor is too slow: some of what arrives is dropped.
     Behind,
     /// The disk is full: nothing is kept until there is room again.
     NoSpace,
@@ -34,7 +34,7 @@ impl fmt::Display for Condition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Kept => "the session is recorded",
-            Self::Behind => "the recorder's disk is too slow",
+            Self::Behind => "the recorder falls behind",
             Self::NoSpace => "NOT recorded, the recorder's disk is full",
             Self::Failing => "NOT recorded, the session file cannot be written",
         })

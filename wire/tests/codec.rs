@@ -71,6 +71,8 @@ fn the_layout_is_what_it_was() {
         ("state", check(samples::state())),
         ("scene", check(samples::scene())),
         ("trial", check(samples::trial())),
+        ("lease", check(samples::claim())),
+        ("estop", check(samples::emergency())),
         ("journal", check(samples::journal())),
         ("info", check(samples::info())),
         ("storage", check(samples::storage())),
@@ -119,7 +121,7 @@ proptest! {
     #[test]
     fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
         let mut framed = bytes.clone();
-        for kind in 0..12 {
+        for kind in 0..14 {
             if framed.len() > 4 {
                 framed[..4].copy_from_slice(&[VERSION, kind, 0, 0]);
             }
@@ -130,6 +132,8 @@ proptest! {
             let _ = decode::<State>(&framed);
             let _ = decode::<Scene>(&framed);
             let _ = decode::<Trial>(&framed);
+            let _ = decode::<Claim>(&framed);
+            let _ = decode::<Emergency>(&framed);
             let _ = decode::<JournalBatch>(&framed);
             let _ = decode::<NodeInfo>(&framed);
             let _ = decode::<Storage>(&framed);

@@ -4,13 +4,14 @@
 
 use tandem_arbiter::{Arbiter, ArbiterSettings, Event, Output};
 use tandem_wire::{
-    Command, Deadman, Envelope, Finite, Guidance, Header, MILLISECOND, MessageId, Motion, Node, Outbox, Pose, Proposal,
-    Reason, Refusals, Seq, Session, Setpoint, Stamp, State, Timing, Vec3,
+    Claim, Command, Deadman, Emergency, Envelope, Finite, Guidance, Header, Label, MILLISECOND, MessageId, Motion,
+    Node, Outbox, Pose, Proposal, Reason, Refusals, Seq, Session, Setpoint, Stamp, State, Timing, Vec3, Wish,
 };
 
 pub(crate) const OPERATOR: Session = Session(1);
 pub(crate) const PREDICTOR: Session = Session(2);
 pub(crate) const ROBOT: Session = Session(4);
+pub(crate) const BYSTANDER: Session = Session(6);
 
 pub(crate) fn at(millis: u64) -> Stamp {
     Stamp(millis * MILLISECOND)
@@ -63,6 +64,31 @@ pub(crate) fn command(seq: u64, tick: u32, deadman: Deadman, velocity: Vec3) -> 
             deadman,
             seen: Some(id(ROBOT, seq)),
         },
+    }
+}
+
+/// The same from another operator.
+pub(crate) fn command_of(session: Session, seq: u64, deadman: Deadman, velocity: Vec3) -> Envelope<Command> {
+    let mut command = command(seq, 0, deadman, velocity);
+    command.header.session = session;
+    command
+}
+
+/// An operator's word about the lease.
+pub(crate) fn claim(session: Session, seq: u64, wish: Wish, name: &str) -> Envelope<Claim> {
+    let name = Label::new(name);
+    Envelope {
+        header: header(session, seq, 0),
+        body: Claim { wish, name },
+    }
+}
+
+/// An emergency stop by somebody, or its end.
+pub(crate) fn emergency(seq: u64, clear: Option<MessageId>) -> Envelope<Emergency> {
+    let by = Label::new("ada");
+    Envelope {
+        header: header(BYSTANDER, seq, 0),
+        body: clear.map_or(Emergency::Stop { by }, |stop| Emergency::Clear { stop, by }),
     }
 }
 

@@ -121,6 +121,7 @@ impl Robot {
             setpoint: Setpoint {
                 velocity: Vec3::ZERO,
                 motion: self.motion,
+                lease: None,
                 law: Law::Adaptive,
                 weight: Finite(self.weight),
                 human: command.velocity,

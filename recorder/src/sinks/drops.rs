@@ -62,6 +62,10 @@ impl Counter {
         self.add(slot(heard), 1);
     }
 
+    pub(super) fn count_topic(&self, topic: Topic, number: u64) {
+        self.add(place(topic), number);
+    }
+
     pub(super) fn count_untold(&self, number: u64) {
         self.add(UNTOLD, number);
     }
@@ -87,10 +91,11 @@ impl Counter {
 
 fn slot(heard: &Heard) -> usize {
     match &heard.entry {
-        Entry::Sample(sample) => {
-            let topic = sample.topic();
-            TOPICS.iter().position(|known| *known == topic).unwrap_or(UNTOLD)
-        }
+        Entry::Sample(sample) => place(sample.topic()),
         Entry::Note(_) | Entry::Counts(_) => OWN,
     }
+}
+
+fn place(topic: Topic) -> usize {
+    TOPICS.iter().position(|known| *known == topic).unwrap_or(UNTOLD)
 }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, Sender, TryRecvError, TrySendError, bounded, select, tick};
 
-use tandem_wire::Condition;
+use tandem_wire::{Condition, Topic};
 
 use super::drops::{Counter, Drops, Lost};
 use super::{Ended, Notice, OpenError};
@@ -98,6 +98,14 @@ impl Shared {
     /// Counts what a viewer missed.
     pub(super) fn miss(&self, number: u64) {
         self.views.count_untold(number);
+    }
+
+    /// Counts what was lost before any sink.
+    pub(super) fn lose_before(&self, kind: Kind, topic: Topic, number: u64) {
+        match kind {
+            Kind::SessionFile => self.session_file.count_topic(topic, number),
+            Kind::View => self.views.count_topic(topic, number),
+        }
     }
 
     /// Counts what seemed to be in the session file and is not.

@@ -184,6 +184,7 @@ impl Script {
         let setpoint = Setpoint {
             velocity,
             motion,
+            lease: None,
             law: Law::Adaptive,
             weight: Finite(weight),
             human,

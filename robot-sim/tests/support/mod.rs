@@ -44,6 +44,10 @@ pub fn setpoint(seq: u64, tick: u32, motion: Motion, velocity: Vec3, seen: Optio
     let body = Setpoint {
         velocity,
         motion,
+        lease: Some(tandem_wire::Lease {
+            number: 1,
+            ..tandem_wire::Lease::default()
+        }),
         law: Law::Human,
         weight: Finite(1.0),
         human: velocity,

@@ -341,6 +341,51 @@ mod tests {
     }
 
     #[test]
+    fn every_speed_from_a_tenth_to_a_hundred_keeps_its_absolute_instants() {
+        for speed in STEPS {
+            let mut player = player(plan(speed));
+            let mut outputs = Vec::new();
+            while let Some(due) = player.deadline() {
+                player.step(due, Event::Wake, &mut outputs);
+            }
+            let dues = outputs.iter().filter_map(|output| match output {
+                Output::Play { due, .. } => Some(due.0),
+                _ => None,
+            });
+            let wanted = [0, 10, 10, 30].map(|at: u64| 1000 * MS + at * MS * 1000 / u64::from(speed));
+            assert_eq!(dues.collect::<Vec<_>>(), wanted, "{speed} thousandths");
+        }
+    }
+
+    #[test]
+    fn equal_instants_keep_their_order_at_every_speed() {
+        for speed in [Speed::PerMille(100), Speed::PerMille(100_000), Speed::Max] {
+            let mut player = Player::new(vec![5 * MS; 300], Plan { speed, ..plan(1000) }, Stamp(0));
+            let mut outputs = Vec::new();
+            while let Some(due) = player.deadline() {
+                player.step(due, Event::Wake, &mut outputs);
+            }
+            let order = outputs.iter().filter_map(|output| match output {
+                Output::Play { index, .. } => Some(*index),
+                _ => None,
+            });
+            assert!(order.eq(0..300), "{speed:?}");
+        }
+    }
+
+    #[test]
+    fn seeking_beyond_the_end_while_it_runs_plays_the_last_instant_and_ends() {
+        let mut player = player(plan(1000));
+        let mut outputs = Vec::new();
+        let now = Stamp(1001 * MS);
+        player.step(now, Event::SeekBy(i64::MAX), &mut outputs);
+        player.step(now, Event::Wake, &mut outputs);
+        let last = Output::Play { index: 3, due: now };
+        assert_eq!(outputs, [Output::Jumped { to: 3 }, last, Output::Ended]);
+        assert_eq!(player.deadline(), None);
+    }
+
+    #[test]
     fn a_late_wake_does_not_shift_what_follows() {
         let mut player = player(plan(1000));
         let mut outputs = Vec::new();

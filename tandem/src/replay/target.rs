@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
 use tandem_link::{Link, Observer, Sighting};
-use tandem_recorder::{Provenance, Recorded, Recorder, RecorderConfig, Sinks};
+use tandem_recorder::{Notice, Provenance, Recorded, Recorder, RecorderConfig, Sinks};
 use tandem_wire::{Input, Node, NodeName, Outbox, Pace, Ports, Stamp, Timing, Topic};
 
 /// How long a file may take to be written to its end.
@@ -37,6 +37,14 @@ impl Target {
         match self {
             Self::View(screen) => screen.play(message),
             Self::Network(network) => network.play(message),
+        }
+    }
+
+    /// Whether it is still there.
+    pub(super) fn look(&mut self) -> anyhow::Result<()> {
+        match self {
+            Self::View(screen) => screen.hear(),
+            Self::Network(network) => network.look(),
         }
     }
 
@@ -113,9 +121,18 @@ impl Screen {
             for output in self.outbox.drain() {
                 sinks.handle(output);
             }
-            for notice in sinks.notices() {
-                eprintln!("replay: {notice}\r");
+        }
+        self.hear()
+    }
+
+    /// Passes on what the sinks have to say. A viewer that was there and vanished ends the replay: nobody looks on.
+    fn hear(&mut self) -> anyhow::Result<()> {
+        let notices = self.sinks.as_mut().map(Sinks::notices).unwrap_or_default();
+        for notice in notices {
+            if let Notice::ViewerGone { url } = notice {
+                bail!("the viewer at {url} has gone: start it, and replay again, with --from to go on");
             }
+            eprintln!("replay: {notice}\r");
         }
         Ok(())
     }
@@ -192,11 +209,15 @@ pub(super) struct Network {
     /// What a topic is called instead.
     names: Vec<(Topic, String)>,
     pass: u64,
+    /// Whether it depends on whom it has dialled: nobody can dial it.
+    only_dials: bool,
+    /// Whether somebody was at the other end.
+    was_heard: bool,
 }
 
 impl Network {
     /// Refuses a name under which a robot is alive: two would speak as one.
-    pub(super) fn open(link: Link, pace: Pace, names: Vec<(Topic, String)>) -> anyhow::Result<Self> {
+    pub(super) fn open(link: Link, pace: Pace, names: Vec<(Topic, String)>, only_dials: bool) -> anyhow::Result<Self> {
         if let Some(peer) = present(&link)?.first() {
             bail!(
                 "a {peer} is alive as {:?}: choose another --robot name",
@@ -204,11 +225,23 @@ impl Network {
             );
         }
         Ok(Self {
+            was_heard: link.is_connected(),
             link,
             pace,
             names,
             pass: 0,
+            only_dials,
         })
+    }
+
+    /// A session that only dials speaks to nobody once the other end is gone; Zenoh would not say so.
+    fn look(&mut self) -> anyhow::Result<()> {
+        let is_heard = self.link.is_connected();
+        if self.only_dials && self.was_heard && !is_heard {
+            bail!("whom this replay was connected to has gone: start it, and replay again, with --from to go on");
+        }
+        self.was_heard |= is_heard;
+        Ok(())
     }
 
     fn play(&self, message: &Recorded) -> anyhow::Result<()> {

@@ -1,4 +1,4 @@
-//! Tables of a session: true times, units in the names of the columns, as CSV.
+//! Tables of a session: true times, units in the names of the columns, as CSV or Parquet.
 //!
 //! `state`, `setpoint`, `command` and `proposal` have one row per message; `ticks` has one row per control period with
 //! the last message of each kind in it. `captured_s` is the sender's own stamp, on the sender's clock (in lockstep
@@ -6,6 +6,7 @@
 //! before the first forecast, is left empty, never zero.
 
 mod columns;
+mod parquet;
 mod row;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -23,24 +24,48 @@ use row::{Cell, Row};
 /// The messages that have tables, in the order of the columns of `ticks`.
 const TABLES: [Topic; 4] = [Topic::State, Topic::Setpoint, Topic::Command, Topic::Proposal];
 
+/// How tables are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Format {
+    Csv,
+    Parquet,
+}
+
 /// Writes all tables into `folder`, which is made if it is not there.
-pub(super) fn write(recording: &Recording, folder: &Path) -> anyhow::Result<()> {
+pub(super) fn write(recording: &Recording, format: Format, folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
     let bar = ProgressBar::with_draw_target(Some(TABLES.len() as u64 + 1), ProgressDrawTarget::stderr());
     for topic in TABLES {
         let of_topic = recording.messages.iter().filter(|message| message.topic == topic);
         // What was heard was decodable; a journal that says otherwise has nothing for a table.
         let rows = of_topic.filter_map(|message| columns::row(message, recording.epoch_unix_nanos));
-        table(folder, &topic.suffix(), rows, &bar)?;
+        table(format, folder, &topic.suffix(), rows, &bar)?;
     }
-    table(folder, "ticks", ticks(recording), &bar)?;
+    table(format, folder, "ticks", ticks(recording), &bar)?;
     bar.finish_and_clear();
     Ok(())
 }
 
-fn table(folder: &Path, name: &str, rows: impl Iterator<Item = Row>, bar: &ProgressBar) -> anyhow::Result<()> {
-    let path = folder.join(format!("{name}.csv"));
-    let rows = csv(&path, rows).with_context(|| format!("cannot write {}", path.display()))?;
+fn table(
+    format: Format,
+    folder: &Path,
+    name: &str,
+    rows: impl Iterator<Item = Row>,
+    bar: &ProgressBar,
+) -> anyhow::Result<()> {
+    let (path, written) = match format {
+        Format::Csv => {
+            let path = folder.join(format!("{name}.csv"));
+            let written = csv(&path, rows).map_err(anyhow::Error::from);
+            (path, written)
+        }
+        Format::Parquet => {
+            let path = folder.join(format!("{name}.parquet"));
+            let written = parquet::write(&path, rows);
+            (path, written)
+        }
+    };
+    let rows = written.with_context(|| format!("cannot write {}", path.display()))?;
     bar.inc(1);
     bar.suspend(|| println!("{}: {rows} rows", path.display()));
     Ok(())

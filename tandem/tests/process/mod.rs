@@ -18,6 +18,11 @@ impl Process {
         Self(child.expect("tandem starts"))
     }
 
+    /// One that was started in another way.
+    pub(crate) const fn of(child: Child) -> Self {
+        Self(child)
+    }
+
     /// Asks it to end as Ctrl-C and a service manager do, and gives its exit code.
     pub(crate) fn end(mut self) -> Option<i32> {
         let asked = Command::new("kill")

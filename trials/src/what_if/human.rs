@@ -71,6 +71,10 @@ fn by_tick(recording: &Recording, evidence: &Evidence) -> BTreeMap<u32, VecDeque
     for (tick, bytes) in marks {
         words.entry(tick).or_default().push_back((Topic::Trial, bytes));
     }
+    // Before the commands of their tick, as the operator said them.
+    for (tick, topic, bytes) in asides_in_journal(evidence) {
+        words.entry(tick).or_default().push_back((topic, bytes));
+    }
     for message in recording
         .messages
         .iter()
@@ -80,6 +84,28 @@ fn by_tick(recording: &Recording, evidence: &Evidence) -> BTreeMap<u32, VecDeque
         said.push_back((Topic::Command, message.bytes.clone()));
     }
     words
+}
+
+/// What the operator said of the lease and of emergency stops: no recorder hears it, but its journal tells.
+fn asides_in_journal(evidence: &Evidence) -> Vec<(u32, Topic, Vec<u8>)> {
+    let operator = evidence.journals.iter().find(|(run, _)| run.node == NodeName::Operator);
+    let (mut asides, mut next) = (Vec::new(), 0);
+    for part in operator.map(|(_, parts)| parts).into_iter().flatten() {
+        for (entry, index) in part.entries.iter().zip(part.first..) {
+            // A part that was sent twice holds nothing new.
+            if index < next {
+                continue;
+            }
+            next = index + 1;
+            if let Happening::Output { topic, bytes } = &entry.what
+                && matches!(topic, Topic::Lease | Topic::Emergency)
+                && let Ok((_, header)) = codec::peek(bytes)
+            {
+                asides.push((header.tick, *topic, bytes.clone()));
+            }
+        }
+    }
+    asides
 }
 
 fn marks_in_journal(evidence: &Evidence) -> Vec<(u32, Vec<u8>)> {

@@ -80,6 +80,11 @@ pub(crate) fn setpoint() -> Setpoint {
     Setpoint {
         velocity: Vec3::new(0.125, 0.25, 0.0),
         motion: Motion::Permitted { press: 3 },
+        lease: Some(Lease {
+            number: 2,
+            holder: Session(88),
+            name: Label::new("ada"),
+        }),
         law: Law::Constant(Finite(0.25)),
         weight: Finite(0.25),
         human: Vec3::new(0.25, -0.5, 0.0),
@@ -164,6 +169,20 @@ pub(crate) fn trial() -> Trial {
     Trial::Begin {
         number: 1,
         label: "first".into(),
+    }
+}
+
+pub(crate) fn claim() -> Claim {
+    Claim {
+        wish: Wish::TakeOver,
+        name: Label::new("supervisor"),
+    }
+}
+
+pub(crate) fn emergency() -> Emergency {
+    Emergency::Clear {
+        stop: id(3),
+        by: Label::new("ada"),
     }
 }
 

@@ -86,6 +86,18 @@ fn go_once() -> impl FnMut(&Driver, &Sender<DriveKey>) {
     }
 }
 
+/// Presses whenever a wait begins, as a person who wants to get there would: a busy machine may hold the arm on the way.
+fn keep_going() -> impl FnMut(&Driver, &Sender<DriveKey>) {
+    let mut waited = false;
+    move |driver, keys| {
+        let waits = matches!(driver.phase(), Phase::Waiting(_));
+        if waits && !std::mem::replace(&mut waited, waits) {
+            keys.send(DriveKey::Wish(Wish::Go)).expect("the driver listens");
+        }
+        waited = waits;
+    }
+}
+
 fn arrived(ending: &anyhow::Result<Ending>) -> bool {
     matches!(ending, Ok(Ending::Ended(End::Arrived)))
 }
@@ -111,7 +123,7 @@ fn commands(observer: &Observer) -> Vec<Command> {
 #[test]
 fn a_robot_that_stands_at_the_start_is_driven_along_the_path() {
     let rig = Rig::start("driven");
-    let (driver, ending) = rig.drive(bow(Vec3::ZERO), go_once());
+    let (driver, ending) = rig.drive(bow(Vec3::ZERO), keep_going());
     assert!(arrived(&ending), "{ending:?}");
     let deviation = driver.deviation();
     assert!(deviation.count > 30, "{deviation:?}");
@@ -123,7 +135,7 @@ fn a_robot_that_stands_at_the_start_is_driven_along_the_path() {
 fn a_robot_nearby_is_eased_in_and_one_far_away_refused_without_a_command_that_moves() {
     let rig = Rig::start("eased");
     let mut eased = false;
-    let mut go = go_once();
+    let mut go = keep_going();
     let (driver, ending) = rig.drive(bow(Vec3::new(-0.03, 0.0, 0.02)), |driver, keys| {
         eased |= matches!(driver.phase(), Phase::Easing(_));
         go(driver, keys);
@@ -131,6 +143,10 @@ fn a_robot_nearby_is_eased_in_and_one_far_away_refused_without_a_command_that_mo
     assert!(arrived(&ending) && eased, "{ending:?}");
     assert!(driver.deviation().largest < 0.008, "{:?}", driver.deviation());
 
+    rig.end();
+
+    // Another robot: the first one's operator may still be seen for a moment.
+    let rig = Rig::start("refused");
     let observer = Observer::new(&rig.edge, Pace::Real).expect("an observer");
     let (_, ending) = rig.drive(bow(Vec3::new(0.0, 0.3, 0.0)), go_once());
     let Ok(Ending::Ended(end @ End::TooFar { .. })) = ending else {
