@@ -1,13 +1,15 @@
 //! The step machine: one named handler per event, and the arbitration that they lead to.
 
+mod lockstep;
+
 use tandem_wire::{
-    Claim, Command, Deadman, Emergency, Envelope, Finite, Header, Label, Latch, Limited, Malformed, Memory, Motion,
-    Node, Numbering, Outbox, Pace, Proposal, Reason, Refusal, Remember, Session, Setpoint, Stamp, State, Timing, Topic,
+    Claim, Command, Deadman, Emergency, Envelope, Finite, Label, Latch, Limited, Malformed, Memory, Motion, Node,
+    Numbering, Outbox, Pace, Proposal, Reason, Refusal, Remember, Session, Setpoint, Stamp, State, Timing, Topic,
     Unreadable, Vec3,
 };
 
 use crate::authority::{Authority, Helm};
-use crate::barrier::{Barrier, Complete};
+use crate::barrier::Barrier;
 use crate::config::{ArbiterSettings, WorkspaceTurnedOver};
 use crate::hearing::{Change, Hearing};
 use crate::lease::Tenure;
@@ -128,27 +130,11 @@ impl Arbiter {
         }
     }
 
-    fn on_refused_command(&mut self, now: Stamp, header: &Header, why: Refusal, outbox: &mut Outbox<Output>) {
-        self.hearing.refuse(why);
-        if why == Refusal::LoopTooOld && self.hearing.operators().listens_to(header.session) {
-            // In lockstep the operator has answered its tick all the same.
-            self.barrier.command.come(header.tick);
-            self.answer_tick(now, outbox);
-        }
-    }
-
     fn hear(&mut self, now: Stamp, deadman: Deadman) {
         match self.forbidden(now) {
             None => self.helm.hear(deadman),
             // A loss was noticed before this command was looked at.
             Some(reason) => drop(self.helm.stop(reason)),
-        }
-    }
-
-    /// A stream that is heard again had been lost: whatever is pressed by now does not count.
-    fn stop_after(&mut self, loss: Option<Reason>) {
-        if let Some(reason) = loss {
-            self.helm.stop(reason);
         }
     }
 
@@ -220,20 +206,6 @@ impl Arbiter {
         self.answer_tick(now, outbox);
     }
 
-    /// In lockstep: a sample does not come in time. Its tick is answered with what was heard before, by its age.
-    fn on_missed(&mut self, now: Stamp, topic: Topic, tick: u32, outbox: &mut Outbox<Output>) {
-        match topic {
-            Topic::Command => self.barrier.command.miss(tick),
-            Topic::Proposal => self.barrier.proposal.miss(tick),
-            Topic::State => {
-                self.barrier.state.miss(tick);
-                self.hearing.miss_state(tick);
-            }
-            _ => {}
-        }
-        self.answer_tick(now, outbox);
-    }
-
     fn on_wake(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         if self.repeat_at().is_some_and(|due| now >= due) {
             self.publish(now, outbox);
@@ -273,23 +245,6 @@ impl Arbiter {
             }
             _ => None,
         }
-    }
-
-    /// In lockstep, answers once state, command and proposal of one tick are there, or known not to come.
-    fn answer_tick(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
-        if self.timing.pace != Pace::Lockstep {
-            return;
-        }
-        let Some(Complete { tick, deadman, loss }) = self.barrier.complete() else {
-            return;
-        };
-        self.expire_lease(now);
-        self.stop_after(loss);
-        match deadman {
-            Some(deadman) => self.hear(now, deadman),
-            None => self.stop_after(self.forbidden(now)),
-        }
-        self.publish_for(now, tick, outbox);
     }
 
     fn publish(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {

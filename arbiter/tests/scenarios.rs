@@ -307,18 +307,6 @@ fn in_lockstep_the_order_of_arrival_does_not_matter() {
 }
 
 #[test]
-fn in_lockstep_time_passes_only_with_ticks() {
-    let mut stage = Stage::new(Timing::default().lockstep(), &ArbiterSettings::default());
-    assert_eq!(stage.arbiter.deadline(), None);
-    stage.step(at(0), Event::Command(command(1, 0, Deadman::Released, HUMAN)));
-    stage.step(at(60_000), Event::State(state(1, 0, CENTRE)));
-    stage.step(at(60_000), Event::Proposal(proposal(1, 0, None)));
-    let setpoint = stage.setpoints[0].body;
-    assert_eq!(setpoint.motion.reason(), Some(Reason::DeadmanReleased));
-    assert_eq!(setpoint.command.map(|used| used.id.seq), Some(Seq(1)));
-}
-
-#[test]
 fn the_laws_take_effect_only_with_guidance() {
     let mut lines = String::new();
     for law in [LawName::Fixed, LawName::Human, LawName::Robot, LawName::Constant] {
