@@ -1,5 +1,7 @@
 //! The step machine: one named handler per event, the watchdog, and what is published.
 
+mod lockstep;
+
 use std::sync::Arc;
 
 use tandem_wire::{
@@ -7,9 +9,10 @@ use tandem_wire::{
     Remember, Scene, Session, Setpoint, Stamp, State, Timing, Topic, Trial, Unreadable,
 };
 
-use crate::config::{RobotSimSettings, Surroundings, UnusableScene};
+use crate::config::{LinkName, RobotSimSettings, Surroundings, UnusableScene};
 use crate::hearing::Hearing;
 use crate::inner::Inner;
+use crate::pulse::Pulse;
 use crate::report::{Situation, report};
 use crate::trials::Running;
 
@@ -67,6 +70,7 @@ pub struct RobotSim {
     inner: Inner,
     motion: Motion,
     latch: Latch,
+    pulse: Pulse,
     trial: Running,
     /// Control periods since the session began.
     tick: u32,
@@ -101,6 +105,7 @@ impl RobotSim {
             inner,
             motion: Motion::Held(Reason::NoSetpointYet),
             latch: Latch::default(),
+            pulse: Pulse::default(),
             trial: Running::default(),
             tick,
             in_step: false,
@@ -121,32 +126,6 @@ impl RobotSim {
     #[must_use]
     pub fn arm(&self) -> &crate::arm::Arm {
         self.inner.arm()
-    }
-
-    /// In lockstep: a setpoint that a bad line kept back comes within the period that has to do without it.
-    fn on_late_setpoint(&mut self, at: Stamp, setpoint: Envelope<Setpoint>) {
-        if !setpoint.body.velocity.is_finite() {
-            return self.hearing.refuse(Refusal::Unreadable);
-        }
-        self.catch_up(at);
-        match self.hearing.admit(at, &setpoint) {
-            Err(why) => self.hearing.refuse(why),
-            Ok(motion) => self.obey(at, motion, setpoint),
-        }
-    }
-
-    /// In lockstep: the setpoint of this period does not come any more. The arm goes on under the one before, by its age.
-    fn on_missed(&mut self, topic: Topic, tick: u32, outbox: &mut Outbox<Output>) {
-        if topic == Topic::Setpoint && self.in_step && tick == self.tick {
-            self.finish_period(outbox);
-        }
-    }
-
-    /// Whether an instant of the shell's lies within the period at hand, behind its begin. The robot's own time does not.
-    fn is_within_period(&self, at: Stamp) -> bool {
-        let [begin, end] =
-            [self.tick, self.tick.saturating_add(1)].map(|tick| Stamp::of_tick(tick, self.timing.period));
-        self.in_step && begin < at && at <= end
     }
 
     fn on_setpoint(&mut self, now: Stamp, setpoint: Envelope<Setpoint>, outbox: &mut Outbox<Output>) {
@@ -174,9 +153,14 @@ impl RobotSim {
     }
 
     fn obey(&mut self, now: Stamp, motion: Motion, setpoint: Envelope<Setpoint>) {
+        let was_permitted = self.motion.is_permitted();
         self.motion = motion;
         if setpoint.body.motion.is_permitted() && self.trial.number == 0 {
             self.hold(Reason::NoTrial);
+        }
+        self.pulse.beat();
+        if self.motion.is_permitted() && !was_permitted {
+            self.pulse.begin();
         }
         self.latch.hear_of(setpoint.body.motion);
         self.keep_stopped();
@@ -261,11 +245,27 @@ impl RobotSim {
             if left == 0 || self.inner.ticks() >= target || self.is_standing() {
                 return left;
             }
+            self.count_arrivals();
             let permitted = self.motion.is_permitted();
             self.inner
                 .tick(permitted, &self.surroundings.bounds, &self.surroundings.scene.obstacles);
             left -= 1;
         }
+    }
+
+    /// One millisecond of a link on which one setpoint is expected in each. In lockstep nothing is timed.
+    fn count_arrivals(&mut self) {
+        if !self.is_pulsed() || !self.motion.is_permitted() {
+            return self.pulse.rest();
+        }
+        if let Some(in_a_row) = self.pulse.tick() {
+            self.hearing.forget_press();
+            self.motion = Motion::Held(Reason::SetpointsMissed { in_a_row });
+        }
+    }
+
+    fn is_pulsed(&self) -> bool {
+        self.surroundings.link == LinkName::Franka && self.timing.pace == Pace::Real
     }
 
     fn is_standing(&self) -> bool {
@@ -280,14 +280,6 @@ impl RobotSim {
             self.motion = Motion::Held(reason);
             self.keep_stopped();
         }
-    }
-
-    /// Lockstep: the rest of this period under the setpoint that just came, then the next state.
-    fn finish_period(&mut self, outbox: &mut Outbox<Output>) {
-        let tick = self.tick.saturating_add(1);
-        self.catch_up(Stamp::of_tick(tick, self.timing.period));
-        self.tick = tick;
-        self.publish_state(Stamp::of_tick(tick, self.timing.period), outbox);
     }
 
     /// Begins the trial that waits for it, once the arm stands. In lockstep time stands still too, so there it need
@@ -346,6 +338,7 @@ impl RobotSim {
             trial: self.trial.number,
             trial_start: self.trial.start,
             motion: self.motion,
+            arrivals: self.is_pulsed().then(|| self.pulse.report()),
             refused: self.hearing.refused(),
         };
         let state = report(&mut self.inner, &self.surroundings.scene.obstacles, situation);
@@ -380,6 +373,7 @@ impl Remember for RobotSim {
             inner,
             motion,
             latch,
+            pulse,
             trial,
             tick,
             in_step,
@@ -393,6 +387,7 @@ impl Remember for RobotSim {
         inner.remember(memory)?;
         memory.part(motion)?;
         memory.part(latch)?;
+        memory.part(pulse)?;
         memory.part(trial)?;
         memory.part(tick)?;
         memory.part(in_step)?;

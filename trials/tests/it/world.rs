@@ -1,11 +1,9 @@
 //! A trial under virtual time is the trial that the shell runs over Zenoh in lockstep.
 
-mod support;
-
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use support::{configuration, model, over};
+use crate::support::{configuration, model, over};
 use tandem_link::{Faults, Link, Observer, Running, ShellOptions, Sighting, SpoolOptions, spawn};
 use tandem_trials::{Blueprint, Configuration, Halt, World};
 use tandem_wire::{NodeInfo, NodeName, Numbering, Pace, Ports, SECOND, Session, State, Topic, Trial, decode, encode};

@@ -1,13 +1,11 @@
 //! Sessions over real Zenoh whose recorder misses something: late, or on a network that loses messages.
 
-mod support;
-
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use support::model;
+use crate::support::model;
 use tandem_link::{Clock, Faults, Link, Observer, Report, Running, ShellOptions, Sighting, SpoolOptions, spawn};
 use tandem_recorder::{Evidence, Provenance, Recorder, RecorderConfig, RecorderSettings, Sinks};
 use tandem_trials::{Blueprint, Configuration, Findings, Missing, Overall, Verdict, reexecute};
