@@ -4,7 +4,7 @@ mod support;
 
 use support::*;
 use tandem_arbiter::{ArbiterSettings, Authority, Event, LawName};
-use tandem_wire::{Deadman, Malformed, Node, Reason, Seq, Session, Timing, Topic, Unreadable, Vec3};
+use tandem_wire::{Deadman, Malformed, Seq, Session, Timing, Topic, Unreadable, Vec3};
 
 const HUMAN: Vec3 = Vec3::new(0.0, 0.1, 0.0);
 const ROBOT_WANTS: Vec3 = Vec3::new(0.1, 0.0, 0.0);
