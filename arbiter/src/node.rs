@@ -173,14 +173,11 @@ impl Arbiter {
     }
 
     fn on_proposal(&mut self, now: Stamp, proposal: &Envelope<Proposal>, outbox: &mut Outbox<Output>) {
-        match self.hearing.admit_proposal(now, proposal) {
-            Err(why) => {
-                self.hearing.refuse(why);
-                if why != Refusal::LoopTooOld {
-                    return;
-                }
+        if let Err(why) = self.hearing.admit_proposal(now, proposal) {
+            self.hearing.refuse(why);
+            if why != Refusal::LoopTooOld {
+                return;
             }
-            Ok(()) => {}
         }
         self.barrier.proposal.come(proposal.header.tick);
         self.answer_tick(now, outbox);
