@@ -91,7 +91,7 @@ impl Conditions {
         let rows = self.last - self.first + 1;
         let steps = self.training_leverages.len() / rows;
         let within = (time - self.first as f64).clamp(0.0, (rows - 1) as f64);
-        let row = within as usize;
+        let row = floor(within);
         let at = |row: usize| {
             let place = row.min(rows - 1) * steps + step.min(steps.checked_sub(1)?);
             self.training_leverages.get(place).copied()
@@ -135,7 +135,7 @@ impl Conditions {
     fn mean_at(&self, step: f64, k: usize, outputs: usize) -> f64 {
         let last = (self.mean_path.len() / outputs.max(1)).saturating_sub(1);
         let within = step.clamp(0.0, last as f64);
-        let index = within as usize;
+        let index = floor(within);
         let at = |row: usize| self.mean_path.get(row.min(last) * outputs + k).copied().unwrap_or(0.0);
         at(index) + (at(index + 1) - at(index)) * (within - index as f64)
     }
@@ -152,6 +152,15 @@ impl Conditions {
                 .iter()
                 .all(|leverage| (0.0..f64::INFINITY).contains(leverage))
     }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a step; what is no number, negative or larger than any step is clamped by the caller"
+)]
+fn floor(step: f64) -> usize {
+    step as usize
 }
 
 /// The share of a departure that is left at `step` of one made at `condition`.
@@ -287,7 +296,7 @@ impl Model {
         let (first, last) = (self.checkpoint_step(), self.last_condition_step());
         let time = self.context_time(context).zip(last);
         // A time that was written in decimals may lie a hair before its step.
-        time.map_or(first, |(time, last)| ((time + 1e-6) as usize).clamp(first, last))
+        time.map_or(first, |(time, last)| floor(time + 1e-6).clamp(first, last))
     }
 
     /// The context of a movement that was at `position` at `step`, which may lie between two steps: with the time in

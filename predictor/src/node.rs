@@ -5,8 +5,8 @@ use std::sync::Arc;
 use bincode::{Decode, Encode};
 use tandem_cesn::{Forecaster, Model};
 use tandem_wire::{
-    Envelope, Forecast, Guidance, Header, Malformed, Memory, Node, Numbering, Outbox, Proposal, Refusal, Refusals,
-    Remember, Session, Stamp, State, StateGuard, TaskFrame, Timing, Unreadable,
+    Envelope, Forecast, Guidance, Header, Malformed, Memory, Node, Numbering, Outbox, Pace, Proposal, Refusal,
+    Refusals, Remember, Session, Stamp, State, StateGuard, TaskFrame, Timing, Topic, Unreadable,
 };
 
 use crate::checkpoint::{Crossing, Lookout, Plane};
@@ -30,6 +30,13 @@ pub enum Event {
     Presence,
     /// The process is about to end.
     Stop,
+    /// In lockstep: the sample of a tick does not come now.
+    Missed {
+        /// Whose sample.
+        topic: Topic,
+        /// Which tick's.
+        tick: u32,
+    },
 }
 
 /// Everything that the predictor can cause.
@@ -58,6 +65,8 @@ pub struct Predictor {
     /// Forecasts made so far.
     made: u32,
     tick: Option<Tick>,
+    /// In lockstep: the newest tick whose state did not come in time; it is answered already.
+    missed: Option<u32>,
 }
 
 /// The newest tick, and what was decided in it.
@@ -116,6 +125,7 @@ impl Predictor {
             course: None,
             made: 0,
             tick: None,
+            missed: None,
         })
     }
 
@@ -144,12 +154,29 @@ impl Predictor {
             trial,
             guidance,
         });
+        if self.missed.is_none_or(|missed| state.header.tick > missed) {
+            self.propose(now, state.header.tick, guidance, outbox);
+        }
+    }
+
+    /// In lockstep every tick is answered: without its state, with the proposal made from the newest one that was seen,
+    /// until states are lost.
+    fn on_missed(&mut self, now: Stamp, topic: Topic, tick: u32, outbox: &mut Outbox<Output>) {
+        if topic != Topic::State || self.timing.pace != Pace::Lockstep {
+            return;
+        }
+        self.missed = Some(tick);
+        self.states.miss(tick);
+        let newest = self.tick.filter(|_| !self.states.is_lost(now));
+        self.propose(now, tick, newest.and_then(|newest| newest.guidance), outbox);
+    }
+
+    fn propose(&mut self, now: Stamp, tick: u32, guidance: Option<Guidance>, outbox: &mut Outbox<Output>) {
         let proposal = Proposal {
-            seen: Some(state.header.id()),
+            seen: self.states.newest(),
             guidance,
         };
-        let proposal = self.proposals.envelope(now, state.header.tick, proposal);
-        outbox.push(Output::Proposal(proposal));
+        outbox.push(Output::Proposal(self.proposals.envelope(now, tick, proposal)));
     }
 
     /// Forgets the trial before; the state at hand opens a tick.
@@ -191,43 +218,35 @@ impl Predictor {
 
     /// Runs the model for a new condition. A condition that it cannot take leaves the human alone.
     fn forecast(&mut self, now: Stamp, tick: u32, crossing: &Crossing, outbox: &mut Outbox<Output>) {
-        let Some(model) = self.models.get(crossing.plane).cloned() else {
-            return;
-        };
-        let first = model.checkpoint_step();
-        let context = model.context_at(first as f64, &crossing.point);
-        self.take_course(now, tick, &model, &context, first, crossing.phase, outbox);
+        if let Some(model) = self.models.get(crossing.plane).cloned() {
+            let context = model.context_at(model.checkpoint_step() as f64, &crossing.point);
+            self.take_course(now, tick, &model, &context, crossing.phase, outbox);
+        }
     }
 
     /// Where the model in use takes another condition at any time: the tool's position now. Its forecast begins with
     /// the step under way. Past its last condition, and when it cannot take this one, the forecast at hand stands.
     fn condition_anew(&mut self, now: Stamp, tick: u32, here: [f64; 2], phase: f64, outbox: &mut Outbox<Output>) {
-        let model = self.lookout.last().and_then(|plane| self.models.get(plane)).cloned();
-        let Some((model, last)) = model.and_then(|model| Some((Arc::clone(&model), model.last_condition_step()?)))
-        else {
-            return;
-        };
-        if phase <= last as f64 {
+        let in_use = self.lookout.last().and_then(|plane| self.models.get(plane));
+        let still = |model: &&Arc<Model>| model.last_condition_step().is_some_and(|last| phase <= last as f64);
+        if let Some(model) = in_use.filter(still).cloned() {
             let context = model.context_at(phase, &here);
-            // Between the checkpoint's step and the last condition's, so neither negative nor large.
-            let first = (phase as usize).max(model.checkpoint_step());
-            self.take_course(now, tick, &model, &context, first, phase, outbox);
+            self.take_course(now, tick, &model, &context, phase, outbox);
         }
     }
 
     /// Forecasts, follows that and says so; nothing changes if the model cannot take the context.
-    #[expect(clippy::too_many_arguments, reason = "a condition is where, when and of which model")]
     fn take_course(
         &mut self,
         now: Stamp,
         tick: u32,
         model: &Model,
         context: &[f64],
-        first: usize,
         phase: f64,
         outbox: &mut Outbox<Output>,
     ) {
         let number = self.made.saturating_add(1);
+        let first = model.first_step(context);
         let forecast = self.forecaster.forecast(model, context, first).ok();
         let course = forecast.and_then(|forecast| Course::new(number, model, forecast, &self.frame, phase));
         if let Some(course) = course {
@@ -261,6 +280,7 @@ impl Remember for Predictor {
             course,
             made,
             tick,
+            missed,
         } = self;
         proposals.remember(memory)?;
         forecasts.remember(memory)?;
@@ -270,7 +290,8 @@ impl Remember for Predictor {
         memory.part(course)?;
         memory.check(course.as_ref().is_none_or(Course::is_possible))?;
         memory.part(made)?;
-        memory.part(tick)
+        memory.part(tick)?;
+        memory.part(missed)
     }
 }
 
@@ -282,6 +303,7 @@ impl Node for Predictor {
         match event {
             Event::State(state) => self.on_state(now, &state, outbox),
             Event::Unreadable(_) => self.refused.add(Refusal::Unreadable),
+            Event::Missed { topic, tick } => self.on_missed(now, topic, tick, outbox),
             Event::Wake | Event::Presence | Event::Stop => {}
         }
     }

@@ -30,9 +30,9 @@ pub(crate) fn replanning_model() -> Model {
 
 fn demonstrations() -> [Demonstration; 3] {
     [
-        include_str!("../../../examples/demonstrations/planar_a08.csv"),
-        include_str!("../../../examples/demonstrations/planar_a11.csv"),
-        include_str!("../../../examples/demonstrations/planar_a14.csv"),
+        include_str!("../../../../examples/demonstrations/planar_a08.csv"),
+        include_str!("../../../../examples/demonstrations/planar_a11.csv"),
+        include_str!("../../../../examples/demonstrations/planar_a14.csv"),
     ]
     .map(|text| Demonstration::from_csv("shipped", text).expect("they ship"))
 }
