@@ -134,19 +134,18 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
     session::warn(&recording);
     let timing = session::timing(&recording);
     if flags.drive {
-        let all: Vec<&Recorded> = recording.messages.iter().collect();
         let (from, until) = (nanos(flags.from), flags.until.map_or(u64::MAX, nanos));
-        let instants = instants(&all, timing);
-        let between = all.iter().zip(instants).filter(|(_, at)| (from..=until).contains(at));
-        let between: Vec<&Recorded> = between.map(|(message, _)| *message).collect();
+        let timed = recording.messages.iter().zip(instants(&recording.messages, timing));
+        let between = timed.filter(|(_, at)| (from..=until).contains(at));
+        let between: Vec<&Recorded> = between.map(|(message, _)| message).collect();
         return drive::run(flags, &recording, &between, &interrupted);
     }
-    let messages: Vec<&Recorded> = recording
-        .messages
-        .iter()
-        .filter(|message| flags.topics.is_empty() || flags.topics.contains(&message.topic))
-        .filter(|message| !flags.node.is_network() || target::SHOWN.contains(&message.topic))
-        .collect();
+    // The session's time begins with its first message, whether that one is played or not.
+    let timed = recording.messages.iter().zip(instants(&recording.messages, timing));
+    let (messages, instants): (Vec<&Recorded>, Vec<Nanos>) = timed
+        .filter(|(message, _)| flags.topics.is_empty() || flags.topics.contains(&message.topic))
+        .filter(|(message, _)| !flags.node.is_network() || target::SHOWN.contains(&message.topic))
+        .unzip();
     let plan = Plan {
         from: nanos(flags.from),
         until: flags.until.map_or(u64::MAX, nanos),
@@ -157,7 +156,8 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
         }),
         repeats: flags.repeats,
     };
-    if Player::new(instants(&messages, timing), plan, Stamp(0)).is_empty() {
+    let player = Player::new(instants, plan, Clock::of_process().now());
+    if player.is_empty() {
         bail!("there is nothing to play: no message of these topics lies between --from and --until");
     }
     let Some(target) = open(flags, &recording, timing, &interrupted)? else {
@@ -165,7 +165,8 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
     };
     let began = Instant::now();
     let is_live = flags.rrd.is_none();
-    let mut show = Show::new(&messages, timing, plan, target, is_live, interrupted);
+    let player = player.from_now(Clock::of_process().now());
+    let mut show = Show::new(&messages, player, target, is_live, interrupted);
     let played = show.run();
     let report = show.end();
     played?;
@@ -252,7 +253,7 @@ fn network(flags: &ReplayFlags, recording: &Recording, interrupted: &Receiver<()
 
 /// When each message happened on the session's time axis, from the first one on: by arrival, or in lockstep, whose
 /// messages arrive as fast as they can, by tick. Marks without a tick of their own stay where they arrived.
-fn instants(messages: &[&Recorded], timing: Timing) -> Vec<Nanos> {
+fn instants(messages: &[Recorded], timing: Timing) -> Vec<Nanos> {
     let mut newest = 0;
     let stamps = messages.iter().map(|message| {
         let at = match timing.pace {
@@ -296,18 +297,12 @@ struct Show<'a> {
 impl<'a> Show<'a> {
     fn new(
         messages: &'a [&'a Recorded],
-        timing: Timing,
-        plan: Plan,
+        player: Player,
         target: Target,
         is_live: bool,
         interrupted: Receiver<()>,
     ) -> Self {
-        let clock = Clock::of_process();
-        let instants = instants(messages, timing);
-        let bar = ProgressBar::with_draw_target(
-            Some(instants.last().map_or(0, |last| last / 1_000_000)),
-            ProgressDrawTarget::stderr(),
-        );
+        let bar = ProgressBar::with_draw_target(Some(player.end() / 1_000_000), ProgressDrawTarget::stderr());
         let style = ProgressStyle::with_template("{bar:40} {msg}");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         let keyboard = is_live.then(|| Keyboard::open(keyboard::playing));
@@ -316,9 +311,9 @@ impl<'a> Show<'a> {
         }
         Self {
             messages,
-            player: Player::new(instants, plan, clock.now()),
+            player,
             target,
-            clock,
+            clock: Clock::of_process(),
             keyboard,
             interrupted,
             bar,

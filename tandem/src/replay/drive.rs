@@ -9,7 +9,7 @@ use anyhow::bail;
 use crossbeam_channel::Receiver;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
-use tandem_link::{Clock, Link, Observer, Running, Sighting};
+use tandem_link::{Clock, Link, Observer, Player, Running, Sighting};
 use tandem_operator::{PlayedSample, SAMPLE_PERIOD};
 use tandem_recorder::{Recorded, Recording};
 use tandem_trials::drive::{Driver, End, Phase, Track};
@@ -113,6 +113,15 @@ fn drive(
     interrupted: &Receiver<()>,
     show: &mut dyn FnMut(&Driver),
 ) -> anyhow::Result<Ending> {
+    // A replay under its name would tell us where that robot's tool was, not where this one's is.
+    let player = Player::announce(link)?;
+    if player.others()? > 0 {
+        bail!(
+            "a replay plays as {:?}, which would be taken for the robot itself: end that one first",
+            link.robot().as_str()
+        );
+    }
+    drop(player);
     if target::present(link)?.contains(&NodeName::Operator) {
         bail!(
             "an operator is alive on {:?}, and only one may command it: end that one first",
