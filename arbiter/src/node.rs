@@ -1,8 +1,9 @@
 //! The step machine: one named handler per event, and the arbitration that they lead to.
 
 use tandem_wire::{
-    Claim, Command, Emergency, Envelope, Finite, Label, Latch, Limited, Malformed, Memory, Motion, Node, Numbering,
-    Outbox, Pace, Proposal, Reason, Refusal, Remember, Session, Setpoint, Stamp, State, Timing, Unreadable, Vec3,
+    Claim, Command, Emergency, Envelope, Finite, Label, Latch, Limited, Malformed, Memory, Motion, Nanos, Node,
+    Numbering, Outbox, Pace, Proposal, Reason, Refusal, Remember, Session, Setpoint, Stamp, State, Timing, Unreadable,
+    Vec3,
 };
 
 use crate::authority::{Authority, Helm};
@@ -57,6 +58,8 @@ pub struct Arbiter {
     limits: Limits,
     latch: Latch,
     supervisors: Vec<Label>,
+    /// How often setpoints are repeated while motion is permitted.
+    setpoint_period: Option<Nanos>,
     /// When the last setpoint was sent.
     sent: Option<Stamp>,
     /// The last tick answered in lockstep.
@@ -81,6 +84,7 @@ impl Arbiter {
             limits: Limits::new(settings.bounds(&timing)?),
             latch: Latch::default(),
             supervisors: settings.supervisors.iter().map(|name| Label::new(name)).collect(),
+            setpoint_period: settings.setpoint_period(),
             sent: None,
             answered: None,
         })
@@ -186,12 +190,17 @@ impl Arbiter {
         }
     }
 
-    /// When to say again that motion is held for want of a stream; `None` while commands come and are answered.
+    /// When to say again that motion is held for want of a stream, or, where that is asked for, that it is permitted;
+    /// `None` while commands come and are answered.
     fn repeat_at(&self) -> Option<Stamp> {
         match self.helm.authority() {
             Authority::Held(reason) if self.timing.pace == Pace::Real && is_silence(reason) => {
                 Some(self.sent.map_or(Stamp(0), |sent| sent.after(self.timing.stream_period)))
             }
+            Authority::Human { .. } | Authority::Shared { .. } if self.timing.pace == Pace::Real => self
+                .setpoint_period
+                .zip(self.sent)
+                .map(|(period, sent)| next_multiple(sent, period)),
             _ => None,
         }
     }
@@ -262,6 +271,11 @@ impl Arbiter {
     }
 }
 
+/// The first multiple of `period` after `sent`: what a late wake-up costs is not carried on.
+fn next_multiple(sent: Stamp, period: Nanos) -> Stamp {
+    Stamp((sent.0 / period).saturating_add(1).saturating_mul(period))
+}
+
 /// Whether motion is held because something is not heard, so that no command will come to be answered.
 fn is_silence(reason: Reason) -> bool {
     matches!(
@@ -286,6 +300,7 @@ impl Remember for Arbiter {
             limits,
             latch,
             supervisors: _,
+            setpoint_period: _,
             sent,
             answered,
         } = self;
@@ -325,7 +340,10 @@ impl Node for Arbiter {
     fn deadline(&self) -> Option<Stamp> {
         match (self.timing.pace, self.helm.authority()) {
             (Pace::Lockstep, _) | (_, Authority::Closed) => None,
-            _ => self.repeat_at().or_else(|| self.hearing.loss_at()),
+            _ => match (self.repeat_at(), self.hearing.loss_at()) {
+                (Some(repeat), Some(loss)) if self.helm.authority().motion().is_permitted() => Some(repeat.min(loss)),
+                (repeat, loss) => repeat.or(loss),
+            },
         }
     }
 

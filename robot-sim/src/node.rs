@@ -7,9 +7,10 @@ use tandem_wire::{
     Remember, Scene, Session, Setpoint, Stamp, State, Timing, Trial, Unreadable,
 };
 
-use crate::config::{RobotSimSettings, Surroundings, UnusableScene};
+use crate::config::{LinkName, RobotSimSettings, Surroundings, UnusableScene};
 use crate::hearing::Hearing;
 use crate::inner::Inner;
+use crate::pulse::Pulse;
 use crate::report::{Situation, report};
 use crate::trials::Running;
 
@@ -60,6 +61,7 @@ pub struct RobotSim {
     inner: Inner,
     motion: Motion,
     latch: Latch,
+    pulse: Pulse,
     trial: Running,
     /// Control periods since the session began.
     tick: u32,
@@ -94,6 +96,7 @@ impl RobotSim {
             inner,
             motion: Motion::Held(Reason::NoSetpointYet),
             latch: Latch::default(),
+            pulse: Pulse::default(),
             trial: Running::default(),
             tick,
             in_step: false,
@@ -125,12 +128,17 @@ impl RobotSim {
         if lockstep && (!self.in_step || setpoint.header.tick != self.tick) {
             return self.hearing.refuse(Refusal::OutOfOrder);
         }
+        let was_permitted = self.motion.is_permitted();
         match self.hearing.admit(now, &setpoint) {
             Err(why) => return self.hearing.refuse(why),
             Ok(motion) => self.motion = motion,
         }
         if setpoint.body.motion.is_permitted() && self.trial.number == 0 {
             self.hold(Reason::NoTrial);
+        }
+        self.pulse.beat();
+        if self.motion.is_permitted() && !was_permitted {
+            self.pulse.begin();
         }
         self.latch.hear_of(setpoint.body.motion);
         self.keep_stopped();
@@ -217,11 +225,27 @@ impl RobotSim {
             if left == 0 || self.inner.ticks() >= target || self.is_standing() {
                 return left;
             }
+            self.count_arrivals();
             let permitted = self.motion.is_permitted();
             self.inner
                 .tick(permitted, &self.surroundings.bounds, &self.surroundings.scene.obstacles);
             left -= 1;
         }
+    }
+
+    /// One millisecond of a link on which one setpoint is expected in each. In lockstep nothing is timed.
+    fn count_arrivals(&mut self) {
+        if !self.is_pulsed() || !self.motion.is_permitted() {
+            return self.pulse.rest();
+        }
+        if let Some(in_a_row) = self.pulse.tick() {
+            self.hearing.forget_press();
+            self.motion = Motion::Held(Reason::SetpointsMissed { in_a_row });
+        }
+    }
+
+    fn is_pulsed(&self) -> bool {
+        self.surroundings.link == LinkName::Franka && self.timing.pace == Pace::Real
     }
 
     fn is_standing(&self) -> bool {
@@ -302,6 +326,7 @@ impl RobotSim {
             trial: self.trial.number,
             trial_start: self.trial.start,
             motion: self.motion,
+            arrivals: self.is_pulsed().then(|| self.pulse.report()),
             refused: self.hearing.refused(),
         };
         let state = report(&mut self.inner, &self.surroundings.scene.obstacles, situation);
@@ -336,6 +361,7 @@ impl Remember for RobotSim {
             inner,
             motion,
             latch,
+            pulse,
             trial,
             tick,
             in_step,
@@ -349,6 +375,7 @@ impl Remember for RobotSim {
         inner.remember(memory)?;
         memory.part(motion)?;
         memory.part(latch)?;
+        memory.part(pulse)?;
         memory.part(trial)?;
         memory.part(tick)?;
         memory.part(in_step)?;

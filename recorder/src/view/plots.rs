@@ -162,6 +162,10 @@ pub(super) fn draw_state(state: &State, sheet: &mut Sheet<'_>) {
     if let Some(clearance) = state.closest.or(state.clearance) {
         sheet.plot("plots/clearance", clearance.distance.0 * 1e3);
     }
+    if let Some(arrivals) = &state.arrivals {
+        sheet.plot("plots/arrivals/success_rate", arrivals.success_rate.0);
+        sheet.plot("plots/arrivals/missed", f64::from(arrivals.missed));
+    }
 }
 
 pub(super) fn draw_latency(nanos: Nanos, sheet: &mut Sheet<'_>) {
