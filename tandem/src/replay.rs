@@ -165,7 +165,7 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
     };
     let began = Instant::now();
     let is_live = flags.rrd.is_none();
-    let player = player.from_now(Clock::of_process().now());
+    let player = player.beginning(Clock::of_process().now());
     let mut show = Show::new(&messages, player, target, is_live, interrupted);
     let played = show.run();
     let report = show.end();

@@ -114,7 +114,7 @@ impl Player {
     }
 
     /// The same player, as if it began at `now`.
-    pub(crate) const fn from_now(mut self, now: Stamp) -> Self {
+    pub(crate) const fn beginning(mut self, now: Stamp) -> Self {
         if let State::Running { since, .. } = &mut self.state {
             *since = now;
         }
