@@ -24,7 +24,7 @@ pub(super) enum Target {
 }
 
 impl Target {
-    pub(super) fn play(&mut self, message: &Recorded) -> anyhow::Result<()> {
+    pub(super) fn play(&mut self, message: Recorded) -> anyhow::Result<()> {
         match self {
             Self::View(screen) => screen.play(message),
             Self::Network(network) => network.play(message),

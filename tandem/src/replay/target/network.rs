@@ -91,11 +91,11 @@ impl Network {
         Ok(())
     }
 
-    pub(super) fn play(&self, message: &Recorded) -> anyhow::Result<()> {
+    pub(super) fn play(&self, message: Recorded) -> anyhow::Result<()> {
         if !SHOWN.contains(&message.topic) {
             return Ok(());
         }
-        let mut bytes = message.bytes.clone();
+        let mut bytes = message.bytes;
         self.renew_session(&mut bytes);
         let name = self.names.iter().find(|(topic, _)| *topic == message.topic);
         let name = name.map_or_else(|| message.topic.suffix(), |(_, name)| name.clone());

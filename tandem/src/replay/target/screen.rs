@@ -57,7 +57,7 @@ impl Screen {
         })
     }
 
-    pub(super) fn play(&mut self, message: &Recorded) -> anyhow::Result<()> {
+    pub(super) fn play(&mut self, message: Recorded) -> anyhow::Result<()> {
         let (topic, bytes) = (message.topic, message.bytes.as_slice());
         self.feed(message.at, Input::Sample { topic, bytes })
     }
