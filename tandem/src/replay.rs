@@ -16,7 +16,6 @@ use std::time::Instant;
 use anyhow::{Context as _, bail};
 use clap::Args;
 use crossbeam_channel::Receiver;
-use tandem_link::Clock;
 use tandem_recorder::{Place, Provenance, Recorded, RecorderConfig, RecorderSettings, Recording};
 use tandem_wire::{Nanos, Pace, RobotName, SECOND, Stamp, Timing, Topic, keys};
 
@@ -156,7 +155,7 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
         }),
         repeats: flags.repeats,
     };
-    let player = Player::new(instants, plan, Clock::of_process().now());
+    let player = Player::new(instants, plan, Stamp(0));
     if player.is_empty() {
         bail!("there is nothing to play: no message of these topics lies between --from and --until");
     }
@@ -165,7 +164,6 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
     };
     let began = Instant::now();
     let is_live = flags.rrd.is_none();
-    let player = player.beginning(Clock::of_process().now());
     let mut show = Show::new(&messages, reel, player, target, is_live, interrupted);
     let played = show.run();
     let report = show.end();

@@ -113,12 +113,11 @@ impl Player {
         }
     }
 
-    /// The same player, as if it began at `now`.
-    pub(crate) const fn beginning(mut self, now: Stamp) -> Self {
+    /// Begins now, whatever time has passed since it was made.
+    pub(crate) const fn begin(&mut self, now: Stamp) {
         if let State::Running { since, .. } = &mut self.state {
             *since = now;
         }
-        self
     }
 
     /// The last instant of all.

@@ -76,6 +76,7 @@ impl<'a> Show<'a> {
     /// Plays until the end, or until somebody wants no more of it.
     pub(super) fn run(&mut self) -> anyhow::Result<()> {
         self.show_what_holds(self.player.next())?;
+        self.player.begin(self.clock.now());
         loop {
             let Some(event) = self.next_event()? else { return Ok(()) };
             self.player.step(self.clock.now(), event, &mut self.outputs);
