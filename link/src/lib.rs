@@ -23,6 +23,7 @@
 #![warn(missing_docs)]
 
 mod answer;
+mod arrival;
 pub mod clock;
 pub mod config;
 mod declared;
@@ -37,6 +38,7 @@ pub mod run;
 mod running;
 mod spool;
 
+pub use arrival::Arrival;
 pub use clock::{Clock, fresh_session};
 pub use config::{LinkSettings, LoopSettings, TaskSettings};
 pub use dropped::Dropped;

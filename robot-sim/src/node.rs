@@ -1,10 +1,12 @@
 //! The step machine: one named handler per event, the watchdog, and what is published.
 
+mod lockstep;
+
 use std::sync::Arc;
 
 use tandem_wire::{
     Emergency, Envelope, Latch, MILLISECOND, Malformed, Memory, Motion, Node, Numbering, Outbox, Pace, Reason, Refusal,
-    Remember, Scene, Session, Setpoint, Stamp, State, Timing, Trial, Unreadable,
+    Refusals, Remember, Scene, Session, Setpoint, Stamp, State, Timing, Topic, Trial, Unreadable,
 };
 
 use crate::config::{LinkName, RobotSimSettings, Surroundings, UnusableScene};
@@ -35,6 +37,13 @@ pub enum Event {
     Presence,
     /// The process is about to end.
     Stop,
+    /// In lockstep: the sample of a tick does not come now.
+    Missed {
+        /// Whose sample.
+        topic: Topic,
+        /// Which tick's.
+        tick: u32,
+    },
 }
 
 /// Everything that the robot can cause.
@@ -113,6 +122,12 @@ impl RobotSim {
         self.motion
     }
 
+    /// What was dropped so far.
+    #[must_use]
+    pub fn refused(&self) -> Refusals {
+        self.hearing.refused()
+    }
+
     /// Joint angles and speeds, for tests and simulations that look inside.
     #[must_use]
     pub fn arm(&self) -> &crate::arm::Arm {
@@ -128,11 +143,24 @@ impl RobotSim {
         if lockstep && (!self.in_step || setpoint.header.tick != self.tick) {
             return self.hearing.refuse(Refusal::OutOfOrder);
         }
-        let was_permitted = self.motion.is_permitted();
         match self.hearing.admit(now, &setpoint) {
-            Err(why) => return self.hearing.refuse(why),
-            Ok(motion) => self.motion = motion,
+            Err(why) => {
+                self.hearing.refuse(why);
+                let answers = lockstep && why == Refusal::LoopTooOld && self.hearing.listens_to(&setpoint.header);
+                if !answers {
+                    return;
+                }
+            }
+            Ok(motion) => self.obey(now, motion, setpoint),
         }
+        if lockstep {
+            self.finish_period(outbox);
+        }
+    }
+
+    fn obey(&mut self, now: Stamp, motion: Motion, setpoint: Envelope<Setpoint>) {
+        let was_permitted = self.motion.is_permitted();
+        self.motion = motion;
         if setpoint.body.motion.is_permitted() && self.trial.number == 0 {
             self.hold(Reason::NoTrial);
         }
@@ -143,9 +171,6 @@ impl RobotSim {
         self.latch.hear_of(setpoint.body.motion);
         self.keep_stopped();
         self.inner.obey(setpoint, now);
-        if lockstep {
-            self.finish_period(outbox);
-        }
     }
 
     fn on_trial(&mut self, trial: &Envelope<Trial>) {
@@ -179,6 +204,7 @@ impl RobotSim {
     fn on_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         self.hold(Reason::ShuttingDown);
         self.publish_state(now, outbox);
+        self.in_step = false;
         let mut left = self.surroundings.stop_ticks_max;
         while left > 0 && !self.inner.is_idle() {
             // In lockstep time stands still, and there is only one more state to tell.
@@ -252,22 +278,14 @@ impl RobotSim {
         !self.motion.is_permitted() && self.inner.is_idle()
     }
 
-    /// The watchdog, asked at every inner tick. In lockstep silence is waited for, not timed.
+    /// The watchdog, asked at every inner tick. In lockstep only a bad line makes silence, and virtual time tells it.
     fn watch(&mut self, now: Stamp) {
-        if self.timing.pace == Pace::Real
+        if (self.timing.pace == Pace::Real || self.in_step)
             && let Some(reason) = self.hearing.newly_lost(now)
         {
             self.motion = Motion::Held(reason);
             self.keep_stopped();
         }
-    }
-
-    /// Lockstep: the rest of this period under the setpoint that just came, then the next state.
-    fn finish_period(&mut self, outbox: &mut Outbox<Output>) {
-        let tick = self.tick.saturating_add(1);
-        self.catch_up(Stamp::of_tick(tick, self.timing.period));
-        self.tick = tick;
-        self.publish_state(Stamp::of_tick(tick, self.timing.period), outbox);
     }
 
     /// Begins the trial that waits for it, once the arm stands. In lockstep time stands still too, so there it need
@@ -393,16 +411,19 @@ impl Node for RobotSim {
         if self.closed {
             return;
         }
-        let now = self.time(now);
+        let within = self.is_within_period(now);
+        let (at, now) = (now, self.time(now));
         if self.timing.pace == Pace::Real {
             self.catch_up(now);
             self.tick = u32::try_from(now.0 / self.timing.period.max(1)).unwrap_or(u32::MAX);
         }
         match event {
+            Event::Setpoint(setpoint) if within => self.on_late_setpoint(at, setpoint),
             Event::Setpoint(setpoint) => self.on_setpoint(now, setpoint, outbox),
             Event::Trial(trial) => self.on_trial(&trial),
             Event::Emergency(emergency) => self.on_emergency(now, &emergency, outbox),
             Event::Unreadable(_) => self.hearing.refuse(Refusal::Unreadable),
+            Event::Missed { topic, tick } => self.on_missed(topic, tick, outbox),
             Event::Wake | Event::Presence => {}
             Event::Stop => return self.on_stop(now, outbox),
         }

@@ -226,6 +226,10 @@ pub(crate) fn journal() -> JournalBatch {
             }),
             entry(Happening::Stop),
             entry(Happening::Snapshot { bytes: vec![4, 5] }),
+            entry(Happening::Missed {
+                topic: Topic::Command,
+                tick: 41,
+            }),
         ],
     }
 }
