@@ -89,8 +89,11 @@ fn every_message_comes_back_as_it_travelled_and_when_it_arrived() {
 /// The messages that were read without their bytes, and what fetches them.
 fn places(file: &[u8]) -> (Vec<Recorded<Place>>, Reel<Cursor<&[u8]>>) {
     let mut reader = PartsReader::default();
-    reader.add(Cursor::new(file)).unwrap();
-    (reader.finish().unwrap().messages, Reel::new(vec![Cursor::new(file)]))
+    reader.add(Cursor::new(file)).expect("a whole file");
+    (
+        reader.finish().expect("a session").messages,
+        Reel::new(vec![Cursor::new(file)]),
+    )
 }
 
 #[test]
