@@ -10,7 +10,7 @@ use std::time::Duration;
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
-use tandem_link::net::DEFAULT_ENDPOINT;
+use tandem_link::reach::DEFAULT_ENDPOINT;
 use tandem_link::{JournalReport, Link, LinkSettings, Observer, Running, Sighting};
 use tandem_operator::{SourceKind, keyboard};
 use tandem_recorder::Notice;
