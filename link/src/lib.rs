@@ -33,6 +33,7 @@ mod journal;
 pub mod net;
 mod observer;
 pub mod reach;
+pub mod refusals;
 pub mod run;
 mod running;
 mod spool;

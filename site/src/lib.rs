@@ -25,6 +25,7 @@
 
 mod authority;
 mod certificate;
+mod copy;
 mod files;
 mod folder;
 mod knock;

@@ -253,3 +253,26 @@ fn only_who_may_listen_passes_for_a_listener_and_only_at_its_hosts() {
         .unwrap_err();
     assert!(why.to_string().contains("leave --host out"), "{why}");
 }
+
+#[test]
+fn a_copy_for_one_machine_is_whole_and_cannot_issue() {
+    let folder = tempfile::tempdir().unwrap();
+    let authority = lab(&folder.path().join("lab"));
+    let site = authority.site();
+    let laptop = folder.path().join("laptop");
+    site.copy_for(&site.identity("anna", None).unwrap(), &laptop).unwrap();
+    let copied = Site::open(&laptop).unwrap();
+    assert_eq!(
+        copied
+            .identity("", Some(Role::Operator))
+            .unwrap()
+            .certificate
+            .common_name,
+        "lab.anna"
+    );
+    assert!(matches!(Authority::open(&laptop), Err(SiteError::Partial { .. })));
+    let why = copied.identity("robot-sim", None).unwrap_err().to_string();
+    assert!(why.contains("robot-sim.pem is missing"), "{why}");
+    let again = site.copy_for(&site.identity("anna", None).unwrap(), &laptop);
+    assert!(matches!(again, Err(SiteError::Exists { .. })));
+}
