@@ -23,6 +23,7 @@
 #![warn(missing_docs)]
 
 mod answer;
+mod arrival;
 pub mod clock;
 pub mod config;
 mod declared;
@@ -39,6 +40,7 @@ mod running;
 mod spool;
 mod verdict;
 
+pub use arrival::Arrival;
 pub use clock::{Clock, fresh_session};
 pub use config::{LinkSettings, LoopSettings, TaskSettings};
 pub use dropped::Dropped;

@@ -1,6 +1,6 @@
 //! What a message costs: the step, handing it on, its rows, its drawing.
 
-#[path = "../tests/script/mod.rs"]
+#[path = "../tests/it/script/mod.rs"]
 mod script;
 
 use std::hint::black_box;

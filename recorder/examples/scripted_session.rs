@@ -2,7 +2,7 @@
 //!
 //! `scripted_session FOLDER [none | spawn | VIEWER-URL] [SECONDS]`
 
-#[path = "../tests/script/mod.rs"]
+#[path = "../tests/it/script/mod.rs"]
 mod script;
 
 use std::time::Duration;

@@ -1,10 +1,8 @@
 //! The arm as its URDF file describes it: found, read, moved by its joints, and refused with a place when it is wrong.
 
-mod script;
-
 use std::path::{Path, PathBuf};
 
-use script::{record, session};
+use crate::script::{record, session};
 use tandem_recorder::{Drawing, Drops, Entry, Output, Sample, Urdf, View};
 use tandem_wire::Timing;
 

@@ -1,12 +1,10 @@
 //! A real file system without room: a small one in memory, where the test may mount one.
 
-mod script;
-
 use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
-use script::{record, session};
+use crate::script::{record, session};
 use tandem_recorder::{Notice, Output, Provenance, RecorderConfig, RecorderSettings, Recording, Sinks};
 use tandem_wire::{Condition, Timing};
 

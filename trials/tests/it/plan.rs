@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use tandem_trials::plan::{Participant, Plan};
 
-const PAPER: &str = include_str!("../../examples/plans/paper.toml");
-const BEYOND: &str = include_str!("../../examples/plans/beyond.toml");
+const PAPER: &str = include_str!("../../../examples/plans/paper.toml");
+const BEYOND: &str = include_str!("../../../examples/plans/beyond.toml");
 const SMALL: &str = "[plan]\nparticipants = ['P1', 'P2']\n\
     [conditions]\nfixed = { arbiter.law = 'fixed' }\nadaptive = { arbiter.law = 'adaptive' }\n\
     [contexts]\na = { amplitude_m = 0.1 }\nb = { amplitude_m = 0.12 }\nc = {}\n";

@@ -1,13 +1,11 @@
 //! A node restored from a snapshot goes on as the one that the snapshot was taken of, byte for byte; a damaged snapshot
 //! is refused, or makes a node that still never panics.
 
-mod support;
-
 use std::ops::ControlFlow;
 use std::sync::{Arc, LazyLock, Mutex};
 
+use crate::support::model;
 use proptest::prelude::*;
-use support::model;
 use tandem_operator::SourceKind;
 use tandem_trials::world::Said;
 use tandem_trials::{Blueprint, Configuration, Player, World};

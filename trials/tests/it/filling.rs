@@ -1,13 +1,11 @@
 //! Sessions over real Zenoh whose recorder misses something: late, or on a network that loses messages.
 
-mod support;
-
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use support::model;
+use crate::support::model;
 use tandem_link::{Clock, Faults, Link, Observer, Report, Running, ShellOptions, Sighting, SpoolOptions, spawn};
 use tandem_recorder::{Evidence, Provenance, Recorder, RecorderConfig, RecorderSettings, Sinks};
 use tandem_trials::{Blueprint, Configuration, Findings, Missing, Overall, Verdict, reexecute};
@@ -149,9 +147,11 @@ fn run(name: &str, course: Course) -> Outcome {
     await_states(&observer, stage.course.late + SOME);
     let (recorder, sinks) = early.unwrap_or_else(|| stage.record(&edge, &path));
     await_states(&observer, SOME);
-    // A recorder that can fetch nothing goes on from the snapshots that this one causes.
-    mark(&edge, &mut marks, 2);
-    await_states(&observer, SOME);
+    // A recorder that can fetch nothing goes on from the snapshots that these cause; a bad network may lose some of them.
+    for number in 2..7 {
+        mark(&edge, &mut marks, number);
+        await_states(&observer, SOME / 4);
+    }
     let reports = nodes
         .into_iter()
         .map(|node| {

@@ -17,9 +17,9 @@ pub(crate) fn configuration() -> Configuration {
 /// The model of the demonstrations that ship.
 pub(crate) fn model() -> Model {
     let demonstrations = [
-        include_str!("../../../examples/demonstrations/planar_a08.csv"),
-        include_str!("../../../examples/demonstrations/planar_a11.csv"),
-        include_str!("../../../examples/demonstrations/planar_a14.csv"),
+        include_str!("../../../../examples/demonstrations/planar_a08.csv"),
+        include_str!("../../../../examples/demonstrations/planar_a11.csv"),
+        include_str!("../../../../examples/demonstrations/planar_a14.csv"),
     ]
     .map(|text| Demonstration::from_csv("shipped", text).expect("they ship"));
     Model::train(&demonstrations, &Settings::default()).expect("they fit")

@@ -1,15 +1,13 @@
 //! A session file is read back with the format's own reader, whole and cut short.
 
-mod script;
-
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Cursor, Seek, SeekFrom, Write};
 use std::rc::Rc;
 
+use crate::script::{record, session};
 use mcap::MessageStream;
 use mcap::read::Options;
-use script::{record, session};
 use tandem_recorder::{Counts, Drops, JOURNAL_ENCODING, Output, Provenance, SessionFile};
 use tandem_wire::{JournalBatch, Timing, decode};
 
@@ -180,7 +178,7 @@ fn sequence_and_sender_stamp_are_kept() {
     assert_eq!(states.len(), 84);
     for (index, state) in (0_u32..).zip(&states) {
         assert_eq!(state.sequence, index + 1);
-        assert_eq!(state.publish_time, EPOCH + u64::from(index) * script::PERIOD);
+        assert_eq!(state.publish_time, EPOCH + u64::from(index) * crate::script::PERIOD);
         assert_eq!(state.log_time, state.publish_time + 2_000_000);
     }
 }

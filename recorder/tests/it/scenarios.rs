@@ -1,8 +1,6 @@
 //! Scripted timelines in, the recorder's outputs in words out.
 
-mod script;
-
-use script::{PERIOD, a_state, record, session};
+use crate::script::{PERIOD, a_state, record, session};
 use tandem_recorder::{Entry, Event, Level, Output, Recorder, Sample};
 use tandem_wire::{
     Condition, Input, Malformed, Node, NodeName, Outbox, Ports, Session, Stamp, Storage, Timing, Topic, Unreadable,

@@ -1,10 +1,8 @@
 //! Which entities a session becomes.
 
-mod script;
-
 use std::collections::BTreeMap;
 
-use script::{record, session};
+use crate::script::{record, session};
 use tandem_recorder::{Drawing, Drops, Entry, Output, Sample, View};
 use tandem_wire::Timing;
 

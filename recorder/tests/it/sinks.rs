@@ -1,10 +1,8 @@
 //! Sinks that cannot be opened, are absent, or work.
 
-mod script;
-
 use std::time::Duration;
 
-use script::{record, session};
+use crate::script::{record, session};
 use tandem_recorder::{Drops, Live, OpenError, Provenance, RecorderConfig, RecorderSettings, Sinks};
 use tandem_wire::Timing;
 

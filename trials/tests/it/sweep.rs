@@ -1,10 +1,8 @@
 //! A small sweep: what it finds, that it keeps it, and what it refuses.
 
-mod support;
-
 use std::num::NonZeroUsize;
 
-use support::model;
+use crate::support::model;
 use tandem_settings::Document;
 use tandem_trials::sweep::{Grid, Store, StoreError, Summary, svg, table, text, work_off};
 

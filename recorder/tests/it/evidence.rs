@@ -1,10 +1,8 @@
 //! A session file is read back for executing it again: whole, cut short, and with bytes that were changed.
 
-mod script;
-
 use std::io::Cursor;
 
-use script::{record, session};
+use crate::script::{record, session};
 use tandem_recorder::{Counts, Drops, Evidence, Fault, NoEvidence, Output, Provenance, Run, SessionFile};
 use tandem_wire::{NodeName, Session, Timing, Topic};
 

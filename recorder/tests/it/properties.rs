@@ -1,10 +1,8 @@
 //! Any events in any order: no panic, and what is promised holds.
 
-mod script;
-
+use crate::script::session;
 use proptest::collection::vec;
 use proptest::prelude::*;
-use script::session;
 use tandem_recorder::{Drops, Entry, Event, Output, Recorder, View};
 use tandem_wire::{Input, Node, NodeName, Outbox, Ports, Stamp, Timing, Topic};
 
@@ -37,7 +35,7 @@ fn happens() -> impl Strategy<Value = Happens> {
     ]
 }
 
-fn event(what: &Happens, samples: &[script::Sample]) -> Event {
+fn event(what: &Happens, samples: &[crate::script::Sample]) -> Event {
     match what {
         Happens::Sample { index, damage, cut } => {
             let sample = &samples[index % samples.len()];

@@ -1,11 +1,9 @@
 //! A session file is read back: whole, cut anywhere, with flipped bits, and when it is something else.
 
-mod script;
-
 use std::io::Cursor;
 
+use crate::script::{Sample, record, session};
 use proptest::prelude::*;
-use script::{Sample, record, session};
 use tandem_recorder::{Counts, Damage, Drops, Output, Provenance, ReadError, Recording, SessionFile, repair};
 use tandem_wire::{
     Happening, JournalBatch, JournalEntry, NodeName, Numbering, Session, Stamp, Timing, Topic, codec, encode,

@@ -8,15 +8,13 @@
     reason = "a real program is started, and waited for by the clock"
 )]
 
-mod script;
-
 use std::io::Read as _;
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use script::{Sample, record, session};
+use crate::script::{Sample, record, session};
 use tandem_recorder::{Live, Notice, Output, Provenance, RecorderConfig, RecorderSettings, Sinks};
 use tandem_wire::{Envelope, Header, SECOND, Seq, Session, Stamp, Timing, Topic, Trial, encode};
 
