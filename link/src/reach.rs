@@ -3,7 +3,7 @@
 use std::net::IpAddr;
 
 use serde_json::{Value, json};
-use tandem_site::{Certificate, Identity, Knock, Role, Site, knock, policy};
+use tandem_site::{Certificate, Identity, Knock, Role, Site, knock, policy, touch};
 
 use crate::config::LinkSettings;
 use crate::net::LinkError;
@@ -36,8 +36,8 @@ pub struct Secured {
 pub struct Door {
     /// The endpoint.
     pub endpoint: String,
-    /// Who listens there, or why we do not get in.
-    pub answer: Result<Certificate, Knock>,
+    /// Who listens there (`None` where no certificates are used), or why we do not get in.
+    pub answer: Result<Option<Certificate>, Knock>,
 }
 
 impl Reach {
@@ -100,13 +100,10 @@ impl Reach {
         config
     }
 
-    /// Knocks at every endpoint that is dialled with TLS, one after the other, a few seconds each at the most: Zenoh
-    /// itself only tries again and does not say why.
+    /// Knocks at every endpoint that is dialled, one after the other, a few seconds each at the most: Zenoh itself only
+    /// tries again and does not say why.
     #[must_use]
     pub fn knock(&self) -> Vec<Door> {
-        let Some(Secured { site, identity }) = &self.secured else {
-            return Vec::new();
-        };
         let doors = self
             .connect
             .iter()
@@ -114,7 +111,16 @@ impl Reach {
         doors
             .map(|(endpoint, (host, port))| Door {
                 endpoint: endpoint.clone(),
-                answer: knock(identity, host, port).and_then(|certificate| known(site, certificate, host, port)),
+                answer: match &self.secured {
+                    Some(Secured { site, identity }) => {
+                        let shaken = knock(identity, host, port);
+                        shaken
+                            .and_then(|certificate| known(site, certificate, host, port))
+                            .map(Some)
+                    }
+                    None if endpoint.starts_with("udp/") => Ok(None),
+                    None => touch(host, port).map(|()| None),
+                },
             })
             .collect()
     }

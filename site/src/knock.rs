@@ -111,6 +111,20 @@ pub fn knock(identity: &Identity, host: &str, port: u16) -> Result<Certificate, 
     }
 }
 
+/// Whether anybody listens at `host` and `port`, and leaves us the first word, as Zenoh without certificates does.
+///
+/// Takes a few seconds at the most.
+///
+/// # Errors
+/// If nobody answers.
+pub fn touch(host: &str, port: u16) -> Result<(), Knock> {
+    connect(host, port).map(drop).map_err(|source| Knock::Silent {
+        host: host.to_owned(),
+        port,
+        source,
+    })
+}
+
 /// Who refused whom.
 fn refused(identity: &Identity, host: String, port: u16, error: io::Error) -> Knock {
     let said = error

@@ -37,6 +37,6 @@ pub use authority::{Authority, NewMember, Validity};
 pub use certificate::{Certificate, Day};
 pub use files::{Exposed, write_public, write_secret};
 pub use folder::{CA_CERTIFICATE, CA_KEY, Identity, ROSTER, Site, SiteError};
-pub use knock::{Knock, knock};
+pub use knock::{Knock, knock, touch};
 pub use roster::{BadRoster, Member, Name, Revocation, Robots, Role, Roster};
 pub use trust::{Distrust, client_configuration, trusts_as_client, trusts_as_server};

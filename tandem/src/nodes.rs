@@ -267,13 +267,22 @@ impl<'a> Knocking<'a> {
     }
 
     fn tell(&mut self) {
-        if self.reach.secured.is_some() && Instant::now() >= self.next {
+        if Instant::now() >= self.next {
             self.next = Instant::now() + KNOCK_AGAIN;
             let (reach, sender) = (self.reach.clone(), self.answers.0.clone());
             std::thread::spawn(move || {
-                let reasons = reach.knock().into_iter().filter_map(|door| door.answer.err());
-                // Whoever got in meanwhile does not listen any more.
-                reasons.for_each(|why| drop(sender.send(why.to_string())));
+                for door in reach.knock() {
+                    let why = match door.answer {
+                        Err(why) => why.to_string(),
+                        Ok(None) => format!(
+                            "somebody answers at {}, but not as Tandem without certificates does; if it has some, say --site",
+                            door.endpoint
+                        ),
+                        Ok(Some(_)) => continue,
+                    };
+                    // Whoever got in meanwhile does not listen any more.
+                    drop(sender.send(why));
+                }
             });
         }
         for why in self.answers.1.try_iter() {

@@ -16,6 +16,8 @@ use crate::{Outcome, interrupt};
 const LOOK: Duration = Duration::from_secs(1);
 /// How long a port may take to become free again.
 const REOPEN: Duration = Duration::from_secs(10);
+/// How often the same refusal is told.
+const REPEAT: Duration = Duration::from_secs(60);
 
 #[derive(Args)]
 pub(crate) struct RouterFlags {
@@ -30,6 +32,7 @@ pub(crate) fn run(flags: &RouterFlags) -> anyhow::Result<Outcome> {
     }
     let interrupted = interrupt::catch()?;
     let refused = refusals::hear();
+    let mut told = Told::default();
     let mut reach = Reach::new(&settings, Some(Role::Router))?;
     let mut link = Link::open_at(settings.robot.parse()?, &reach)?;
     eprintln!("router: {}; Ctrl-C ends it", describe(&reach));
@@ -38,9 +41,7 @@ pub(crate) fn run(flags: &RouterFlags) -> anyhow::Result<Outcome> {
             Err(RecvTimeoutError::Timeout) => {}
             _ => break,
         }
-        refused
-            .try_iter()
-            .for_each(|why| eprintln!("router: refused a connection: {why}"));
+        refused.try_iter().for_each(|why| told.tell(why));
         if let Some(newer) = newer(&settings, &reach) {
             eprintln!(
                 "router: site.toml has changed, so all connections begin anew: {}",
@@ -58,6 +59,27 @@ pub(crate) fn run(flags: &RouterFlags) -> anyhow::Result<Outcome> {
     link.close();
     eprintln!("router: ended");
     Ok(Outcome::Done)
+}
+
+/// Refusals that were told: whoever dials on and on is worth one line a minute.
+#[derive(Default)]
+struct Told(Vec<(String, Instant, u64)>);
+
+impl Told {
+    fn tell(&mut self, why: String) {
+        let now = Instant::now();
+        match self.0.iter_mut().find(|(said, ..)| *said == why) {
+            Some((_, at, more)) if now.duration_since(*at) < REPEAT => *more += 1,
+            Some((_, at, more)) => {
+                eprintln!("router: refused {} more connections: {why}", *more + 1);
+                (*at, *more) = (now, 0);
+            }
+            None => {
+                eprintln!("router: refused a connection: {why}");
+                self.0.push((why, now, 0));
+            }
+        }
+    }
 }
 
 /// Zenoh reads its rules when a session opens. A roster that cannot be used changes nothing, but is worth a word; it is
