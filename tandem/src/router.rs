@@ -36,11 +36,7 @@ pub(crate) fn run(flags: &RouterFlags) -> anyhow::Result<Outcome> {
     let mut reach = Reach::new(&settings, Some(Role::Router))?;
     let mut link = Link::open_at(settings.robot.parse()?, &reach)?;
     eprintln!("router: {}; Ctrl-C ends it", describe(&reach));
-    loop {
-        match interrupted.recv_timeout(LOOK) {
-            Err(RecvTimeoutError::Timeout) => {}
-            _ => break,
-        }
+    while let Err(RecvTimeoutError::Timeout) = interrupted.recv_timeout(LOOK) {
         refused.try_iter().for_each(|why| told.tell(why));
         if let Some(newer) = newer(&settings, &reach) {
             eprintln!(
