@@ -1,5 +1,7 @@
 //! Certificates and roles over real TLS on loopback: who gets in, whose word arrives, and what those hear whose does not.
 
+#![expect(clippy::unwrap_used, reason = "where a helper cannot go on, the test has failed")]
+
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 

@@ -1,5 +1,7 @@
 //! Making a site, and what is refused of one that was copied in part, opened to others, or has grown old.
 
+#![expect(clippy::unwrap_used, reason = "where a helper cannot go on, the test has failed")]
+
 use std::fs;
 use std::path::Path;
 

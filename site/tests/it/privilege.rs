@@ -1,5 +1,7 @@
 //! What the rules grant, read as Zenoh reads them: a key is allowed if a rule's expression includes it.
 
+#![expect(clippy::unwrap_used, reason = "where a helper cannot go on, the test has failed")]
+
 use serde_json::Value;
 use tandem_site::policy::{access_control, dialling_access_control};
 use tandem_site::{Member, Robots, Role, Roster};
