@@ -39,13 +39,25 @@ impl Player {
     /// # Errors
     /// If Zenoh refuses.
     pub fn others(&self) -> Result<usize, LinkError> {
-        let all = keys::player(&self.link.robot, "*");
-        let asked = self.link.session.liveliness().get(&all).timeout(ANSWER).wait();
-        let replies = asked.map_err(|error| declare(&all, &error))?;
-        let is_other = |reply: &zenoh::query::Reply| {
-            let sample = reply.result().ok();
-            sample.is_some_and(|sample| sample.key_expr().as_str() != self.own)
-        };
-        Ok(replies.into_iter().filter(is_other).count())
+        count(&self.link, |key| key != self.own)
     }
+
+    /// How many replays play under this link's name.
+    ///
+    /// # Errors
+    /// If Zenoh refuses.
+    pub fn playing(link: &Link) -> Result<usize, LinkError> {
+        count(link, |_| true)
+    }
+}
+
+fn count(link: &Link, is_meant: impl Fn(&str) -> bool) -> Result<usize, LinkError> {
+    let all = keys::player(&link.robot, "*");
+    let asked = link.session.liveliness().get(&all).timeout(ANSWER).wait();
+    let replies = asked.map_err(|error| declare(&all, &error))?;
+    let keys = replies.into_iter().filter_map(|reply| {
+        let sample = reply.result().ok()?;
+        Some(sample.key_expr().as_str().to_owned())
+    });
+    Ok(keys.filter(|key| is_meant(key)).count())
 }
