@@ -212,7 +212,7 @@ def walls_hold():
 
 def garbage_is_counted():
     bench = Bench()
-    for data in (b"", b"\2\4" + bytes(30), bytes(2000), b"\2\4\0\0" + bytes(400)):
+    for data in (b"", bytes([wire.VERSION, 4]) + bytes(30), bytes(2000), bytes([wire.VERSION, 4]) + bytes(402)):
         bench.take(bench.robot.hear(bench.now, "setpoint", data))
     bench.idle(20)
     assert bench.state["refused"] == {"count": 4, "last": "Unreadable"}

@@ -46,7 +46,11 @@ def check_bytes():
     seen = set()
     for name, data in golden():
         seen.add(name)
-        head, body = wire.decode(name, data)
+        try:
+            head, body = wire.decode(name, data)
+        except wire.Malformed as why:
+            check(f"{name}: take the new layout over into examples/python/tandem_wire.py and docs/wire.md", False, why)
+            continue
         check(f"{name} is written as it was read", wire.encode(name, head, body) == data)
         want = wire.header(41, 0x0123456789ABCDEF, 9, 4_100_000_000)
         check(f"{name}'s header", head == want, head)
@@ -142,7 +146,7 @@ def check_page():
     for name, (kind, longest, layout) in wire.MESSAGES.items():
         row = f"| {kind} | `{layout.name}` | {longest} |"
         check(f"docs/wire.md tells kind and length of {name}", row in page, row)
-    check("docs/wire.md tells the version", f"version {wire.VERSION}" in page)
+    check("docs/wire.md tells the version", f"**version {wire.VERSION}**" in page)
 
 
 def check_sources():
@@ -158,8 +162,9 @@ def check_sources():
 
 
 check_bytes()
-check_values()
-check_bad_numbers()
+if not failures:
+    check_values()
+    check_bad_numbers()
 check_sources()
 check_page()
 print(f"wire: {len(wire.MESSAGES)} messages, {'all agree' if not failures else str(len(failures)) + ' differences'}")

@@ -273,6 +273,7 @@ class PointRobot:
             "motion": self.motion,
             "at_rest": self.point.is_at_rest(),
             "obeys": self.obeys,
+            "arrivals": None,
             "refused": self.hearing.refusals.said(),
         }
         head = wire.header(self.tick, self.session, self.state_seq, now)

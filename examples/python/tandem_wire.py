@@ -1,4 +1,4 @@
-"""Tandem's wire layout 2 in plain Python: keys, and every message as bytes and back.
+"""Tandem's wire layout 3 in plain Python: keys, and every message as bytes and back.
 
 Nothing but the standard library. `docs/wire.md` tells the same in words; `checks/wire.py` holds both, and the bytes that
 Tandem's own tests are pinned to, together.
@@ -13,7 +13,7 @@ How values look: a struct is a dict; a vector a tuple of three numbers; an optio
 import math
 import struct
 
-VERSION = 2
+VERSION = 3
 HEADER = struct.Struct("<BBHIQQQ")
 ROOT = "tandem"
 
@@ -245,6 +245,7 @@ REASON = Enum(
     SecondOperator=None,
     NoLease=None,
     EmergencyStop=Struct("EmergencyStop", stop=MESSAGE_ID, by=LABEL),
+    SetpointsMissed=Struct("SetpointsMissed", in_a_row=U32),
 )
 MOTION = Enum("Motion", Permitted=Struct("Permitted", press=U32), Held=REASON)
 REFUSAL = units(
@@ -306,6 +307,7 @@ SETPOINT = Struct(
     refused=REFUSALS,
 )
 OBEYED = Struct("Obeyed", id=MESSAGE_ID, arrived=NANOS, moved=NANOS, setpoint=SETPOINT)
+ARRIVALS = Struct("Arrivals", success_rate=F64, missed=U32, longest=U32)
 STATE = Struct(
     "State",
     trial=U32,
@@ -320,6 +322,7 @@ STATE = Struct(
     motion=MOTION,
     at_rest=BOOL,
     obeys=Option(OBEYED),
+    arrivals=Option(ARRIVALS),
     refused=REFUSALS,
 )
 SCENE = Struct(
@@ -371,6 +374,7 @@ HAPPENING = Enum(
     Stop=None,
     Output=TOPIC_BYTES,
     Snapshot=Struct("Snapshot", bytes=BYTES),
+    Missed=Struct("Missed", topic=TOPIC, tick=U32),
 )
 JOURNAL_ENTRY = Struct("JournalEntry", at=NANOS, wall=NANOS, what=HAPPENING)
 JOURNAL = Struct("JournalBatch", first=U64, lost=U64, entries=Many(JOURNAL_ENTRY))
@@ -458,6 +462,7 @@ REASONS = {
     "SecondOperator": "another operator holds the lease",
     "NoLease": "nobody holds the lease",
     "EmergencyStop": "emergency stop by {by}",
+    "SetpointsMissed": "{in_a_row} setpoints in a row were missed",
 }
 
 
@@ -467,4 +472,5 @@ def in_words(motion):
     if name == "Permitted":
         return f"moving, by press {what['press']}"
     reason, details = what if isinstance(what, tuple) else (what, {})
-    return REASONS[reason].format(ms=details.get("silent", 0) * 1e-6, by=details.get("by") or "nobody named")
+    ms, by = details.get("silent", 0) * 1e-6, details.get("by") or "nobody named"
+    return REASONS[reason].format(ms=ms, by=by, in_a_row=details.get("in_a_row"))

@@ -215,11 +215,12 @@ impl Latency {
             .body
             .obeys
             .filter(|obeyed| obeyed.setpoint.motion.is_permitted())?;
-        let command = obeyed.setpoint.command?.id;
-        let index = self.commands.iter().position(|(id, _)| *id == command)?;
+        let command = obeyed.setpoint.command?;
+        let index = self.commands.iter().position(|(id, _)| *id == command.id)?;
         let (_, commanded) = self.commands.drain(..=index).next_back()?;
         let lasted = match self.pace {
-            Pace::Real => state.header.sent.since(obeyed.moved),
+            // A command that the arbiter repeats moved the arm when it was young.
+            Pace::Real => state.header.sent.since(obeyed.moved) + command.age,
             // Virtual time stands still while messages travel.
             Pace::Lockstep => 0,
         };
