@@ -16,7 +16,7 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use crossbeam_channel::{Receiver, never, select};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use tandem_link::Clock;
+use tandem_link::{Clock, Reach};
 use tandem_recorder::{Provenance, Recorded, RecorderConfig, RecorderSettings, Recording};
 use tandem_wire::{Nanos, Pace, RobotName, SECOND, Stamp, Timing, Topic, keys, seconds};
 
@@ -241,8 +241,15 @@ fn network(flags: &ReplayFlags, recording: &Recording, interrupted: &Receiver<()
         Some(Speed::Max) => Pace::Lockstep,
         _ => Pace::Real,
     };
-    eprintln!("replay: {}", nodes::describe(&settings));
-    let Some(link) = nodes::connect(&settings, || interrupted.try_recv().is_ok())? else {
+    if !settings.site.is_empty() {
+        // It plays everybody's part, and a certificate stands for one.
+        let why =
+            "a replay cannot be published with certificates: leave --site out, and publish it on loopback".to_owned();
+        return Err(BadConfiguration::Conflict(why).into());
+    }
+    let reach = Reach::new(&settings, None)?;
+    eprintln!("replay: {}", nodes::describe(&settings, &reach));
+    let Some(link) = nodes::connect(&settings, &reach, || interrupted.try_recv().is_ok())? else {
         return Ok(None);
     };
     let only_dials = settings.listen.is_empty();
