@@ -46,7 +46,7 @@ pub use clock::{Clock, fresh_session};
 pub use config::{LinkSettings, LoopSettings, TaskSettings};
 pub use dropped::Dropped;
 pub use faults::Faults;
-pub use impairment::{Direction, Impairment, ImpairmentSettings};
+pub use impairment::{Direction, Impairment, ImpairmentSettings, Impairments, LineSettings};
 pub use journal::JournalReport;
 pub use net::{Link, LinkError};
 pub use observer::{Observer, Sighting};
