@@ -3,9 +3,12 @@
 mod export;
 mod family;
 mod info;
+mod stops;
 mod verdict;
 
-use std::path::{Path, PathBuf};
+use std::fs::File;
+use std::io::{BufReader, BufWriter};
+use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
 use clap::{Args, Subcommand};
@@ -14,10 +17,9 @@ use tandem_recorder::{Recording, repair};
 use tandem_settings::Document;
 use tandem_wire::{Timing, Topic};
 
-use crate::Outcome;
+use crate::{Outcome, verify};
 use export::Format;
-pub(crate) use family::load;
-pub(crate) use family::parts;
+pub(crate) use family::{Part, load, open, parts};
 pub(crate) use verdict::note;
 
 /// What is played and exported.
@@ -37,6 +39,8 @@ pub(crate) enum SessionCommands {
     Info(InfoFlags),
     /// Writes what can be read of a damaged file into a whole one beside it.
     Repair(RepairFlags),
+    /// Executes the robot again and says when it stopped and why: what it had heard last, when it braked, when it stood.
+    Stops(StopsFlags),
     /// Writes tables, one row per message and one per tick, with units in the names of the columns.
     Export(ExportFlags),
 }
@@ -48,6 +52,18 @@ pub(crate) struct InfoFlags {
     /// Further parts of the same session, instead of those beside the first.
     more: Vec<PathBuf>,
     /// Prints one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args)]
+pub(crate) struct StopsFlags {
+    /// The session file; later parts of it beside it are read with it.
+    file: PathBuf,
+    /// Further parts of the same session, instead of those beside the first.
+    more: Vec<PathBuf>,
+    /// Prints one JSON array, an object per run of the robot. Times in it count from `heard_ns`, the arrival of the last
+    /// setpoint that let the arm move, on the robot's clock.
     #[arg(long)]
     json: bool,
 }
@@ -83,6 +99,11 @@ pub(crate) fn run(command: &SessionCommands) -> anyhow::Result<Outcome> {
             info::print(&recording, &verdict, flags.json)?;
             Ok(Outcome::Done)
         }
+        SessionCommands::Stops(flags) => {
+            let evidence = verify::read(&flags.file, &flags.more)?;
+            let whole = stops::print(&evidence, flags.json)?;
+            Ok(if whole { Outcome::Done } else { Outcome::Incomplete })
+        }
         SessionCommands::Repair(flags) => mend(flags),
         SessionCommands::Export(flags) => {
             let recording = family::load(&flags.file, &flags.more)?;
@@ -97,19 +118,15 @@ pub(crate) fn run(command: &SessionCommands) -> anyhow::Result<Outcome> {
     }
 }
 
-fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
-    std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
-}
-
 /// Says on the side what is missing.
-pub(crate) fn warn(recording: &Recording) {
+pub(crate) fn warn<B>(recording: &Recording<B>) {
     for damage in &recording.damage {
         eprintln!("session: {damage}");
     }
 }
 
 /// The rates that the nodes ran at; the usual ones if the file does not say.
-pub(crate) fn timing(recording: &Recording) -> Timing {
+pub(crate) fn timing<B>(recording: &Recording<B>) -> Timing {
     let settings = recording.nodes.values().find_map(|node| {
         let document = Document::parse("the recorded configuration", &node.config).ok()?;
         document.section::<LoopSettings>().ok()
@@ -118,14 +135,14 @@ pub(crate) fn timing(recording: &Recording) -> Timing {
 }
 
 fn mend(flags: &RepairFlags) -> anyhow::Result<Outcome> {
-    let bytes = read(&flags.file)?;
+    let damaged = File::open(&flags.file).with_context(|| format!("cannot read {}", flags.file.display()))?;
     let to = flags
         .output
         .clone()
         .unwrap_or_else(|| flags.file.with_extension("repaired.mcap"));
     // A new file only: the damaged one may be all there is.
-    let file = std::fs::File::create_new(&to).with_context(|| format!("cannot create {}", to.display()))?;
-    let repaired = match repair(&bytes, std::io::BufWriter::new(file)) {
+    let file = File::create_new(&to).with_context(|| format!("cannot create {}", to.display()))?;
+    let repaired = match repair(BufReader::new(damaged), BufWriter::new(file)) {
         Ok(repaired) => repaired,
         Err(error) => {
             // Nothing worth keeping; if even this fails, an empty file stays.

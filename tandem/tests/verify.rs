@@ -152,6 +152,22 @@ fn a_demo_in_lockstep_comes_out_the_same() {
 }
 
 #[test]
+fn a_demo_over_a_bad_line_in_lockstep_comes_out_the_same() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let bad = [
+        "impairment.command.delay_ms=30",
+        "impairment.command.loss=0.05",
+        "impairment.setpoint.jitter_ms=40",
+        "impairment.setpoint.loss=0.05",
+        "impairment.state-to-operator.loss=0.05",
+        "impairment.proposal.reorder=0.1",
+    ];
+    let set = bad.iter().flat_map(|one| ["--set", *one]);
+    let flags: Vec<&str> = ["--pace", "max", "--seed", "5"].into_iter().chain(set).collect();
+    assert_identical(&demo(folder.path(), &flags));
+}
+
+#[test]
 fn a_demo_in_real_time_comes_out_the_same() {
     let folder = tempfile::tempdir().expect("a folder");
     assert_identical(&demo(folder.path(), &["--pace", "real"]));

@@ -11,8 +11,8 @@ settings! {
         pub name: String = "";
         /// Who drives: "simulated" humans in lockstep, or a person at the "keyboard" in real time.
         pub source: SourceKind = SourceKind::Simulated;
-        /// What drives a simulated human's time: "max", the messages, in lockstep; or "real", the clock, which conditions
-        /// with a bad line need. Persons drive in real time.
+        /// What drives a simulated human's time: "max", the messages, in lockstep; or "real", the clock, under which
+        /// messages stream at their own rate. Persons drive in real time.
         pub pace: PaceName = PaceName::Max;
         /// The participants' codes. Simulated humans drive one after the other. Of persons, only those listed may take
         /// part; if none is listed, anybody may.

@@ -199,11 +199,11 @@ fn a_bad_line_slows_the_same_way_twice_and_a_long_outage_stops_the_arm() {
     let impaired = |outages_s: Vec<[f64; 2]>| {
         let mut configuration = configuration();
         configuration.rates.pace = tandem_link::config::PaceName::Real;
-        configuration.impairment.streams = vec![Direction::Command, Direction::StateToOperator];
-        configuration.impairment.delay_ms = 40.0;
-        configuration.impairment.jitter_ms = 20.0;
-        configuration.impairment.loss = 0.02;
-        configuration.impairment.outages_s = outages_s;
+        configuration.impairment.all.streams = vec![Direction::Command, Direction::StateToOperator];
+        configuration.impairment.all.delay_ms = 40.0;
+        configuration.impairment.all.jitter_ms = 20.0;
+        configuration.impairment.all.loss = 0.02;
+        configuration.impairment.all.outages_s = outages_s;
         blueprint(configuration)
     };
     let once = in_the_world(&impaired(vec![]));
@@ -236,7 +236,7 @@ fn a_bad_line_slows_the_same_way_twice_and_a_long_outage_stops_the_arm() {
 fn bad_lockstep(change: impl FnOnce(&mut tandem_link::ImpairmentSettings)) -> Blueprint {
     use tandem_link::Direction::{Command, Proposal, Setpoint, StateToArbiter, StateToOperator, StateToPredictor};
     let mut configuration = configuration();
-    let line = &mut configuration.impairment;
+    let line = &mut configuration.impairment.all;
     line.streams = vec![
         Command,
         Proposal,
@@ -273,6 +273,51 @@ fn a_trial_over_a_bad_line_in_lockstep_is_byte_for_byte_the_one_over_zenoh() {
     }
     assert!(only(&here, Topic::Setpoint).len() > 84);
     assert!(here != in_the_world(&bad_lockstep(|_| {})), "the line does something");
+}
+
+/// The tick of the command that each setpoint used, behind the tick that it answers.
+fn command_ages(messages: &Messages) -> Vec<u32> {
+    let read = only(messages, Topic::Setpoint).into_iter();
+    let read = read.filter_map(|bytes| decode::<tandem_wire::Setpoint>(bytes).ok());
+    let age = |setpoint: tandem_wire::Envelope<tandem_wire::Setpoint>| {
+        let used = setpoint.body.command?.sent;
+        let period = tandem_wire::Timing::default().period;
+        u32::try_from(setpoint.header.sent.since(used) / period).ok()
+    };
+    read.filter_map(age).collect()
+}
+
+#[test]
+fn a_streams_own_line_befalls_that_stream_in_that_direction_only() {
+    let late = |direction| {
+        let mut configuration = configuration();
+        let delay_ms = 200.0;
+        let line = tandem_link::LineSettings {
+            delay_ms,
+            ..Default::default()
+        };
+        configuration.impairment.set(direction, line);
+        in_the_world(&blueprint(configuration))
+    };
+    let commands = late(tandem_link::Direction::Command);
+    assert!(command_ages(&commands).iter().all(|age| *age == 2));
+    // Whoever sees late answers in time.
+    let states = late(tandem_link::Direction::StateToOperator);
+    assert!(command_ages(&states).iter().all(|age| *age == 0));
+    let behind = |messages: &Messages| {
+        let commands = only(messages, Topic::Command).into_iter().skip(5);
+        let read = commands.filter_map(|bytes| decode::<tandem_wire::Command>(bytes).ok());
+        let behind: std::collections::BTreeSet<_> = read
+            .map(|command| {
+                i64::from(command.header.tick) - command.body.seen.map_or(0, |seen| seen.seq.0.cast_signed())
+            })
+            .collect();
+        assert_eq!(behind.len(), 1, "as late in every tick: {behind:?}");
+        behind.first().copied()
+    };
+    let clean = behind(&in_the_world(&blueprint(configuration())));
+    assert_eq!(behind(&states), clean.map(|behind| behind + 2));
+    assert_eq!(behind(&commands), clean);
 }
 
 #[test]
