@@ -61,9 +61,11 @@ pub(crate) fn run(flags: &StatusFlags) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Done);
     };
     let robots = watched(flags.node.robot(), &reach);
-    let network = Network::watch(&link, &robots, &visible(&reach))?;
+    let heard = visible(&reach);
+    let network = Network::watch(&link, &robots, &heard)?;
     let mut watch = Watch {
         network,
+        heard,
         robots: BTreeMap::new(),
         began: Clock::of_process().now(),
     };
@@ -123,6 +125,8 @@ fn visible(reach: &Reach) -> Vec<Topic> {
 
 struct Watch {
     network: Network,
+    /// The topics that this member may hear.
+    heard: Vec<Topic>,
     robots: BTreeMap<String, Robot>,
     began: Stamp,
 }
@@ -177,7 +181,7 @@ impl Watch {
             let robots: Vec<_> = self
                 .robots
                 .iter()
-                .map(|(name, robot)| show::json(name, robot, watched))
+                .map(|(name, robot)| show::json(name, robot, &self.heard, watched))
                 .collect();
             println!(
                 "{}",
@@ -188,7 +192,7 @@ impl Watch {
         } else {
             self.robots
                 .iter()
-                .for_each(|(name, robot)| print!("{}", show::text(name, robot, watched)));
+                .for_each(|(name, robot)| print!("{}", show::text(name, robot, &self.heard, watched)));
         }
     }
 }

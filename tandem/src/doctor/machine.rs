@@ -4,7 +4,7 @@ use std::net::{TcpListener, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use tandem_link::reach::place;
+use tandem_link::reach::{is_loopback, place};
 use tandem_link::{LinkSettings, Reach};
 use tandem_site::{Certificate, Member, Site, SiteError};
 use tandem_trials::Configuration;
@@ -28,6 +28,11 @@ pub(super) fn certificates(settings: &LinkSettings) -> Vec<Check> {
                 NAME,
                 "none, and link.insecure is set: whoever reaches a port can command the robot",
                 "make some with tandem keys new, and start every node with --site",
+            ),
+            false if settings.connect.iter().any(|endpoint| !is_loopback(endpoint)) => Check::worth(
+                NAME,
+                "none: what is said to other machines can be read on the way, and forged",
+                "tandem keys new, on the machine that listens; then --site everywhere",
             ),
             false => Check::good(NAME, "none: nothing listens beyond this machine"),
         }];

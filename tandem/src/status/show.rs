@@ -5,12 +5,13 @@ use tandem_wire::{Motion, Nanos, NodeName, Refusals, State, Topic};
 
 use super::tally::{Robot, STREAMS};
 
-/// One robot, in a few lines.
-pub(super) fn text(name: &str, robot: &Robot, watched: Nanos) -> String {
+/// One robot, in a few lines; rates of what may be heard.
+pub(super) fn text(name: &str, robot: &Robot, heard: &[Topic], watched: Nanos) -> String {
     let mut rows = vec![("nodes", nodes(robot))];
     rows.push(("motion", motion(robot)));
     rows.push(("drives", drives(robot)));
-    let rates = STREAMS.map(|topic| {
+    let streams = STREAMS.into_iter().filter(|topic| heard.contains(topic));
+    let rates = streams.map(|topic| {
         let rate = robot.rate(topic, watched);
         let missed = if rate.missed > 0 {
             format!(" ({} missed)", rate.missed)
@@ -24,7 +25,7 @@ pub(super) fn text(name: &str, robot: &Robot, watched: Nanos) -> String {
         };
         format!("{topic} {:.1}/s{senders}{missed}", rate.hz)
     });
-    rows.push(("rates", rates.join(", ")));
+    rows.push(("rates", rates.collect::<Vec<_>>().join(", ")));
     rows.push((
         "loop",
         match robot.turn() {
@@ -32,7 +33,8 @@ pub(super) fn text(name: &str, robot: &Robot, watched: Nanos) -> String {
                 "p50 {:.1} ms, p99 {:.1} ms, worst {:.1} ms, from a state to the state that obeys its answer",
                 turn.p50_ms, turn.p99_ms, turn.worst_ms
             ),
-            None => "no command has come round".into(),
+            None if heard.contains(&Topic::Command) => "no command has come round".into(),
+            None => "only a recorder or viewer hears commands".into(),
         },
     ));
     let (arbiter, own) = robot.refused();
@@ -118,10 +120,11 @@ fn unreadable(robot: &Robot) -> String {
     }
 }
 
-/// One robot, whole.
-pub(super) fn json(name: &str, robot: &Robot, watched: Nanos) -> Value {
+/// One robot, whole; streams that may not be heard are left out.
+pub(super) fn json(name: &str, robot: &Robot, heard: &[Topic], watched: Nanos) -> Value {
     let alive: Vec<&str> = robot.alive.iter().map(|node| node.as_str()).collect();
-    let rates = STREAMS.map(|topic: Topic| {
+    let streams = STREAMS.into_iter().filter(|topic| heard.contains(topic));
+    let rates = streams.map(|topic| {
         let rate = robot.rate(topic, watched);
         let row = json!({ "hz": rate.hz, "missed": rate.missed, "senders": rate.senders });
         (topic.to_string(), row)
@@ -140,7 +143,7 @@ pub(super) fn json(name: &str, robot: &Robot, watched: Nanos) -> Value {
             })),
             "weight": setpoint.weight.0, "guided": setpoint.guidance.is_some(),
         })),
-        "streams": Value::Object(rates.into_iter().collect()),
+        "streams": Value::Object(rates.collect()),
         "loop_ms": robot.turn().map(|turn| json!({ "p50": turn.p50_ms, "p99": turn.p99_ms, "worst": turn.worst_ms })),
         "dropped": { "arbiter": dropped(arbiter), "robot": dropped(own), "unreadable_here": robot.unreadable },
         "recording": robot.storage.map(|storage| json!({
