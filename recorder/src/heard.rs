@@ -3,8 +3,8 @@
 use std::fmt;
 
 use tandem_wire::{
-    Command, Envelope, Forecast, Header, JournalBatch, NodeInfo, NodeName, Proposal, Scene, Setpoint, Stamp, State,
-    Topic, Trial, encode,
+    Claim, Command, Emergency, Envelope, Forecast, Header, JournalBatch, NodeInfo, NodeName, Proposal, Scene, Setpoint,
+    Stamp, State, Topic, Trial, encode,
 };
 
 use crate::tally::Counts;
@@ -50,6 +50,10 @@ pub enum Sample {
     Scene(Envelope<Scene>),
     /// A trial begins or ends.
     Trial(Envelope<Trial>),
+    /// An operator wants to drive, or no longer.
+    Claim(Envelope<Claim>),
+    /// Somebody stops the robot at once, or clears that.
+    Emergency(Envelope<Emergency>),
     /// Part of a node's journal, kept as the bytes that travelled.
     Journal(JournalPart),
     /// How to build a node again.
@@ -101,6 +105,8 @@ impl Sample {
             Self::State(_) => Topic::State,
             Self::Scene(_) => Topic::Scene,
             Self::Trial(_) => Topic::Trial,
+            Self::Claim(_) => Topic::Lease,
+            Self::Emergency(_) => Topic::Emergency,
             Self::Journal(part) => Topic::Journal(part.node),
             Self::Info(node, _) => Topic::Info(*node),
         }
@@ -117,6 +123,8 @@ impl Sample {
             Self::State(message) => &message.header,
             Self::Scene(message) => &message.header,
             Self::Trial(message) => &message.header,
+            Self::Claim(message) => &message.header,
+            Self::Emergency(message) => &message.header,
             Self::Journal(part) => &part.header,
             Self::Info(_, message) => &message.header,
         }
@@ -135,6 +143,8 @@ impl Sample {
             Self::State(message) => encode(message, &mut bytes),
             Self::Scene(message) => encode(message, &mut bytes),
             Self::Trial(message) => encode(message, &mut bytes),
+            Self::Claim(message) => encode(message, &mut bytes),
+            Self::Emergency(message) => encode(message, &mut bytes),
             Self::Journal(_) | Self::Info(..) => return None,
         }
         Some((self.topic(), bytes))

@@ -18,6 +18,8 @@ impl Ports for Recorder {
         Topic::State,
         Topic::Scene,
         Topic::Trial,
+        Topic::Lease,
+        Topic::Emergency,
         Topic::Journal(NodeName::Operator),
         Topic::Journal(NodeName::Predictor),
         Topic::Journal(NodeName::Arbiter),
@@ -87,8 +89,9 @@ fn sample(topic: Topic, bytes: &[u8]) -> Result<Sample, Malformed> {
         Topic::Trial => Sample::Trial(decode(bytes)?),
         Topic::Journal(node) => Sample::Journal(journal_part(node, bytes)?),
         Topic::Info(node) => Sample::Info(node, decode(bytes)?),
-        // Lease and emergency show in setpoints and states, and their bytes in the journals of who heard them.
-        Topic::Lease | Topic::Emergency | Topic::Alive(_) | Topic::Device | Topic::Storage => {
+        Topic::Lease => Sample::Claim(decode(bytes)?),
+        Topic::Emergency => Sample::Emergency(decode(bytes)?),
+        Topic::Alive(_) | Topic::Device | Topic::Storage => {
             return Err(Malformed::Topic);
         }
     })
