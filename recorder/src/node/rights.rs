@@ -3,7 +3,7 @@
 //! Operators claim, the arbiter grants: what was granted stands in every setpoint. Whoever presses a button or stops the
 //! robot says so again and again until it is heard; only what is new is worth a line.
 
-use tandem_wire::{Claim, Emergency, Envelope, Label, Latch, Lease, NodeName, Session, Wish};
+use tandem_wire::{Claim, Emergency, Envelope, Label, Latch, Lease, NodeName, Reason, Session, Wish};
 
 use super::notes::{info, warning};
 use crate::heard::{Level, Note};
@@ -45,7 +45,8 @@ impl Rights {
 
     /// An emergency stop, or its end.
     pub(super) fn hear_emergency(&mut self, message: &Envelope<Emergency>) -> Option<Note> {
-        if !self.stop.hear(message) {
+        let before = self.stop.reason();
+        if !self.stop.hear(message) || self.is_again(before) {
             return None;
         }
         let about = NodeName::Operator;
@@ -57,6 +58,16 @@ impl Rights {
             },
             Emergency::Clear { by, .. } => warning(about, format!("the emergency stop is cleared by {}", called(by))),
         })
+    }
+
+    /// Whether the stop in force is what its sender has said before.
+    fn is_again(&self, before: Option<Reason>) -> bool {
+        match (before, self.stop.reason()) {
+            (Some(Reason::EmergencyStop { stop: one, .. }), Some(Reason::EmergencyStop { stop: other, .. })) => {
+                one.session == other.session
+            }
+            _ => false,
+        }
     }
 }
 
