@@ -9,6 +9,7 @@
 //!   Zenoh callbacks ──▶ queue ──▶ [ journal · step · journal · publish ] ──▶ Zenoh
 //!                                        └──▶ journal thread ──▶ spool, Zenoh (bulk)
 //!                                                               └──▶ answers to a recorder that lacks some (bulk)
+//!   clock thread: pings, answers, offsets ──▶ Zenoh (background)
 //! ```
 //!
 //! In real time `now` is the process's monotonic clock, streams go out express with real-time priority and may be
@@ -24,6 +25,7 @@
 
 mod answer;
 pub mod clock;
+mod clocks;
 pub mod config;
 mod declared;
 mod dropped;
@@ -37,7 +39,8 @@ mod running;
 mod spool;
 
 pub use clock::{Clock, fresh_session};
-pub use config::{LinkSettings, LoopSettings, TaskSettings};
+pub use clocks::{Estimate, Estimator, Exchange, Taken, WINDOW, measure_clocks};
+pub use config::{ClockSettings, LinkSettings, LoopSettings, TaskSettings};
 pub use dropped::Dropped;
 pub use faults::Faults;
 pub use impairment::{Direction, Impairment, ImpairmentSettings};

@@ -3,8 +3,8 @@
 use std::fmt;
 
 use tandem_wire::{
-    Command, Envelope, Forecast, Header, JournalBatch, NodeInfo, NodeName, Proposal, Scene, Setpoint, Stamp, State,
-    Topic, Trial, encode,
+    ClockReport, Command, Envelope, Forecast, Header, JournalBatch, NodeInfo, NodeName, Proposal, Scene, Setpoint,
+    Stamp, State, Topic, Trial, encode,
 };
 
 use crate::tally::Counts;
@@ -54,6 +54,8 @@ pub enum Sample {
     Journal(JournalPart),
     /// How to build a node again.
     Info(NodeName, Envelope<NodeInfo>),
+    /// What a node knows of its peers' clocks.
+    Clock(NodeName, Envelope<ClockReport>),
 }
 
 /// Part of a node's journal.
@@ -103,6 +105,7 @@ impl Sample {
             Self::Trial(_) => Topic::Trial,
             Self::Journal(part) => Topic::Journal(part.node),
             Self::Info(node, _) => Topic::Info(*node),
+            Self::Clock(node, _) => Topic::Clock(*node),
         }
     }
 
@@ -119,6 +122,7 @@ impl Sample {
             Self::Trial(message) => &message.header,
             Self::Journal(part) => &part.header,
             Self::Info(_, message) => &message.header,
+            Self::Clock(_, message) => &message.header,
         }
     }
 
@@ -135,6 +139,7 @@ impl Sample {
             Self::State(message) => encode(message, &mut bytes),
             Self::Scene(message) => encode(message, &mut bytes),
             Self::Trial(message) => encode(message, &mut bytes),
+            Self::Clock(_, message) => encode(message, &mut bytes),
             Self::Journal(_) | Self::Info(..) => return None,
         }
         Some((self.topic(), bytes))
@@ -149,6 +154,7 @@ impl Sample {
             Self::Forecast(message) => size_of_val(message.body.points.as_slice()),
             Self::Journal(part) => part.bytes.len(),
             Self::Info(_, message) => message.body.model.len() + message.body.config.len(),
+            Self::Clock(_, message) => size_of_val(message.body.peers.as_slice()),
             _ => 0,
         };
         size_of::<Heard>() + behind

@@ -11,6 +11,7 @@ use tandem_wire::{
 use crate::filling::Filling;
 use crate::heard::{Entry, Heard, JournalPart, Level, Note, Sample};
 use crate::tally::{Place, Tally};
+use crate::watch::ClockWatch;
 
 /// How often the counts are passed on while messages arrive.
 const COUNTS_EVERY: u64 = SECOND;
@@ -74,6 +75,7 @@ pub struct Recorder {
     in_contact: bool,
     sayings: Numbering,
     storage: Storage,
+    clocks: ClockWatch,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -110,6 +112,7 @@ impl Recorder {
             in_contact: false,
             sayings: Numbering::new(Session(0)),
             storage: Storage::default(),
+            clocks: ClockWatch::default(),
         }
     }
 
@@ -134,6 +137,7 @@ impl Recorder {
         }
         if self.timing.pace == Pace::Real && matches!(place, Place::Next | Place::AfterGap(_)) {
             self.tally.time(now, topic, &header);
+            self.tally.budget(&sample);
         }
         if let Sample::Journal(part) = &sample {
             self.filling.hear(now, part, outbox);
@@ -148,6 +152,7 @@ impl Recorder {
             (Sample::State(message), _) => self.on_state(message),
             (Sample::Trial(message), _) => self.on_trial(&message.body),
             (Sample::Forecast(message), _) => vec![forecast_note(&message.body)],
+            (Sample::Clock(NodeName::Recorder, message), _) => self.clocks.hear(&message.body),
             _ => Vec::new(),
         };
         self.pass_on(now, header.tick, sample, place, outbox);
@@ -172,7 +177,7 @@ impl Recorder {
     /// Everything is written, in the order it came; only what is new to the eye is shown.
     fn pass_on(&self, now: Stamp, tick: u32, sample: Sample, place: Place, outbox: &mut Outbox<Output>) {
         let fresh = matches!(place, Place::Next | Place::AfterGap(_));
-        let visible = fresh && !matches!(sample, Sample::Journal(_) | Sample::Info(..));
+        let visible = fresh && !matches!(sample, Sample::Journal(_) | Sample::Info(..) | Sample::Clock(..));
         let heard = Arc::new(self.heard(now, tick, Entry::Sample(sample)));
         if visible {
             outbox.push(Output::Show(Arc::clone(&heard)));

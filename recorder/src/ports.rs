@@ -27,6 +27,11 @@ impl Ports for Recorder {
         Topic::Info(NodeName::Arbiter),
         Topic::Info(NodeName::RobotSim),
         Topic::Info(NodeName::Recorder),
+        Topic::Clock(NodeName::Operator),
+        Topic::Clock(NodeName::Predictor),
+        Topic::Clock(NodeName::Arbiter),
+        Topic::Clock(NodeName::RobotSim),
+        Topic::Clock(NodeName::Recorder),
         // What the shell finds when it looks at the session file; it stays in this process.
         Topic::Device,
     ];
@@ -86,8 +91,9 @@ fn sample(topic: Topic, bytes: &[u8]) -> Result<Sample, Malformed> {
         Topic::Trial => Sample::Trial(decode(bytes)?),
         Topic::Journal(node) => Sample::Journal(journal_part(node, bytes)?),
         Topic::Info(node) => Sample::Info(node, decode(bytes)?),
+        Topic::Clock(node) => Sample::Clock(node, decode(bytes)?),
         // Lease and emergency show in setpoints and states, and their bytes in the journals of who heard them.
-        Topic::Lease | Topic::Emergency | Topic::Alive(_) | Topic::Device | Topic::Storage => {
+        Topic::Lease | Topic::Emergency | Topic::Alive(_) | Topic::Device | Topic::Storage | Topic::Ping(_) => {
             return Err(Malformed::Topic);
         }
     })

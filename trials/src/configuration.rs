@@ -1,7 +1,7 @@
 //! Everything that can be set, checked.
 
 use tandem_arbiter::ArbiterSettings;
-use tandem_link::{ImpairmentSettings, LinkSettings, LoopSettings, TaskSettings};
+use tandem_link::{ClockSettings, ImpairmentSettings, LinkSettings, LoopSettings, TaskSettings};
 use tandem_operator::{HumanSettings, OperatorSettings};
 use tandem_predictor::PredictorSettings;
 use tandem_recorder::RecorderSettings;
@@ -15,6 +15,8 @@ use crate::drive::DriveSettings;
 pub struct Configuration {
     /// Who to talk to.
     pub link: LinkSettings,
+    /// How clocks are watched.
+    pub clock: ClockSettings,
     /// A bad line, on purpose.
     pub impairment: ImpairmentSettings,
     /// Rates, limits in time and the seed.
@@ -39,8 +41,9 @@ pub struct Configuration {
 
 impl Configuration {
     /// The sections it is read from.
-    pub const SECTIONS: [&'static str; 11] = [
+    pub const SECTIONS: [&'static str; 12] = [
         LinkSettings::NAME,
+        ClockSettings::NAME,
         ImpairmentSettings::NAME,
         LoopSettings::NAME,
         TaskSettings::NAME,
@@ -68,6 +71,7 @@ impl Configuration {
     pub fn from_document_beside(document: &Document, others: &[&str]) -> Result<Self, Error> {
         let configuration = Self {
             link: document.section()?,
+            clock: document.section()?,
             impairment: document.section()?,
             rates: document.section()?,
             task: document.section()?,
@@ -88,6 +92,7 @@ impl Configuration {
     pub fn to_toml(&self) -> String {
         [
             show(&self.link),
+            show(&self.clock),
             show(&self.impairment),
             show(&self.rates),
             show(&self.task),

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use crate::support::{configuration, model, over};
-use tandem_link::{Faults, Link, Observer, Running, ShellOptions, Sighting, SpoolOptions, spawn};
+use tandem_link::{ClockSettings, Faults, Link, Observer, Running, ShellOptions, Sighting, SpoolOptions, spawn};
 use tandem_trials::{Blueprint, Configuration, Halt, World};
 use tandem_wire::{NodeInfo, NodeName, Numbering, Pace, Ports, SECOND, Session, State, Topic, Trial, decode, encode};
 
@@ -58,6 +58,7 @@ where
         },
         await_peers: LOOP.into_iter().filter(|name| *name != N::NAME).collect(),
         spool: SpoolOptions::default(),
+        clocks: ClockSettings::default(),
         faults: Faults::default(),
         impairment: blueprint.configuration().impairment.clone(),
         queue: ShellOptions::QUEUE,
