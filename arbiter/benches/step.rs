@@ -53,6 +53,7 @@ fn state() -> Envelope<State> {
         motion: Motion::Held(Reason::NoSetpointYet),
         at_rest: true,
         obeys: None,
+        arrivals: None,
         refused: Refusals::default(),
     };
     Envelope {

@@ -1,7 +1,7 @@
 //! The `[arbiter]` section, and the checked rules it becomes.
 
 use tandem_settings::{choices, settings};
-use tandem_wire::{Aabb, Finite, Law, MILLISECOND, Timing, Vec3};
+use tandem_wire::{Aabb, Finite, Law, MILLISECOND, Nanos, Timing, Vec3};
 
 use crate::lease::Terms;
 use crate::limits::Bounds;
@@ -54,6 +54,8 @@ settings! {
         /// The hardest change of speed, in metres per second squared: at 10 a stream of 50 Hz may still change by 0.2 m/s
         /// from one setpoint to the next. The Panda's own limit is 13.
         pub tool_acceleration_m_s2: f64 = 10.0, in 0.1..=13.0;
+        /// Setpoints go out this often while motion is permitted, in hertz, besides one for every command; 0: only those.
+        pub setpoint_hz: f64 = 0.0, in 0.0..=1000.0;
         /// An operator whose commands are silent for longer has lost the lease, in milliseconds.
         pub lease_timeout_ms: u32 = 2000, in 100..=60000;
         /// An operator that has let go of the deadman for longer gives way to whoever presses, in milliseconds.
@@ -107,6 +109,16 @@ impl ArbiterSettings {
             fall_per_tick: (fall > 0.0).then(|| fall * timing.period_s()),
             yields_to_push: self.yield_to_push,
         }
+    }
+
+    /// The period at which setpoints are repeated while motion is permitted.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "positive here, and a conversion from a float saturates"
+    )]
+    pub(crate) fn setpoint_period(&self) -> Option<Nanos> {
+        (self.setpoint_hz > 0.0).then(|| ((1e9 / self.setpoint_hz) as Nanos).max(1))
     }
 
     pub(crate) fn terms(&self) -> Terms {

@@ -92,14 +92,19 @@ impl Hearing {
         &mut self.operators
     }
 
-    /// Ends a lease whose holder has fallen silent; says whether it did. In lockstep silence is waited for, not timed.
+    /// Ends a lease whose holder has fallen silent; says whether it did.
     pub(crate) fn expire_lease(&mut self, now: Stamp) -> bool {
-        self.pace == Pace::Real && self.operators.expire(now)
+        self.operators.expire(now)
     }
 
     /// Takes in a proposal.
     pub(crate) fn admit_proposal(&mut self, now: Stamp, proposal: &Envelope<Proposal>) -> Result<(), Refusal> {
         self.check_loop(now, proposal.body.seen)?;
+        // In lockstep a predictor answers a tick whose state it missed, too. That is nothing new, and does not look fresh.
+        let before = self.proposal.filter(|_| self.pace == Pace::Lockstep);
+        if before.is_some_and(|before| same_source(&before, proposal)) {
+            return Ok(());
+        }
         self.proposals.admit(now, &proposal.header)?;
         self.proposal = Some(Heard::new(now, proposal));
         Ok(())
@@ -141,13 +146,13 @@ impl Hearing {
 
     /// The newest command, unless the stream is lost.
     pub(crate) fn command(&self, now: Stamp) -> Option<Heard<Command>> {
-        let command = self.operators.command();
-        command.filter(|_| !self.is_lost(self.operators.stream(), now))
+        let lost = self.operators.stream().is_lost(now);
+        self.operators.command().filter(|_| !lost)
     }
 
     /// The newest proposal, unless the stream is lost.
     pub(crate) fn proposal(&self, now: Stamp) -> Option<Heard<Proposal>> {
-        self.proposal.filter(|_| !self.is_lost(&self.proposals, now))
+        self.proposal.filter(|_| !self.proposals.is_lost(now))
     }
 
     /// The guidance of a proposal and its tick, if it belongs to the running trial.
@@ -158,12 +163,6 @@ impl Hearing {
         Some((proposal.header.tick, guidance))
     }
 
-    /// The tick of which state, command and proposal are all there, if the newest state's is one.
-    pub(crate) fn complete_tick(&self) -> Option<u32> {
-        let tick = self.robot?.tick;
-        (self.operators.command()?.header.tick == tick && self.proposal?.header.tick == tick).then_some(tick)
-    }
-
     /// What forbids motion now, whoever presses.
     pub(crate) fn forbidden(&self, now: Stamp) -> Option<Reason> {
         let no_trial = self.robot.is_some_and(|robot| robot.trial.0 == 0);
@@ -172,15 +171,31 @@ impl Hearing {
 
     /// The loss that forbids motion now.
     pub(crate) fn loss(&self, now: Stamp) -> Option<Reason> {
-        match self.states.silent(now) {
-            Some(silent) if self.is_silent(self.states.is_lost(now)) => Some(Reason::StateLost { silent }),
-            _ if !self.is_lost(self.operators.stream(), now) => None,
+        let command = || self.command_silence(now).unwrap_or(Reason::NoCommandYet);
+        let lost = self.operators.stream().is_lost(now);
+        self.state_loss(now).or_else(|| lost.then(command))
+    }
+
+    /// The loss of the states, once they have begun.
+    pub(crate) fn state_loss(&self, now: Stamp) -> Option<Reason> {
+        let silent = self.states.silent(now)?;
+        self.states.is_lost(now).then_some(Reason::StateLost { silent })
+    }
+
+    /// The loss of the commands of whoever is listened to, once they have begun.
+    pub(crate) fn command_silence(&self, now: Stamp) -> Option<Reason> {
+        let stream = self.operators.stream();
+        match stream.silent(now) {
+            _ if !stream.is_lost(now) => None,
             _ if self.operators.too_old() => Some(Reason::LoopTooOld),
-            _ => Some(match self.operators.stream().silent(now) {
-                Some(silent) => Reason::CommandLost { silent },
-                None => Reason::NoCommandYet,
-            }),
+            Some(silent) => Some(Reason::CommandLost { silent }),
+            None => None,
         }
+    }
+
+    /// In lockstep: the state of a tick does not come in time.
+    pub(crate) const fn miss_state(&mut self, tick: u32) {
+        self.states.miss(tick);
     }
 
     /// When the next loss happens unless something arrives.
@@ -190,22 +205,19 @@ impl Hearing {
         losses.into_iter().flatten().min()
     }
 
-    fn is_lost(&self, stream: &Guard, now: Stamp) -> bool {
-        self.is_silent(stream.is_lost(now))
-    }
-
-    /// Whether a lost stream counts as lost. In lockstep silence is waited for, not timed.
-    fn is_silent(&self, lost: bool) -> bool {
-        self.pace == Pace::Real && lost
-    }
-
     /// Refuses what was made from a state that is too old.
     ///
     /// A state that we have not seen ourselves yet is not too old, as long as the robot can have sent it by now: the
-    /// answer to it overtook it. In lockstep an answer names its tick and waits for that tick's state, so there is
-    /// nothing to be late for.
+    /// answer to it overtook it. In lockstep the state of the tick at hand comes before or behind the answer to it,
+    /// which must make no difference: a state that we do not know is never too old there.
     fn check_loop(&self, now: Stamp, seen: Option<MessageId>) -> Result<(), Refusal> {
-        if self.pace == Pace::Lockstep || seen.is_some_and(|seen| self.is_under_way(now, seen)) {
+        if self.pace == Pace::Lockstep {
+            return match seen.and_then(|seen| self.echoes.age(now, seen)) {
+                Some(age) if age > self.loop_age_limit => Err(Refusal::LoopTooOld),
+                _ => Ok(()),
+            };
+        }
+        if seen.is_some_and(|seen| self.is_under_way(now, seen)) {
             return Ok(());
         }
         self.echoes.admit(now, seen, self.loop_age_limit).map(|_age| ())
@@ -266,4 +278,9 @@ impl<M: Copy> Heard<M> {
             age: now.since(self.arrived),
         }
     }
+}
+
+/// Whether a proposal was made by the same run of the predictor from the same state as the one before.
+fn same_source(before: &Heard<Proposal>, proposal: &Envelope<Proposal>) -> bool {
+    before.header.session == proposal.header.session && before.body.seen == proposal.body.seen
 }

@@ -100,6 +100,11 @@ impl Desk {
         self.leader().map_or(&self.guard, |seat| &seat.guard)
     }
 
+    /// Whether commands numbered in `session` are listened to, or nobody's are yet.
+    pub(crate) fn listens_to(&self, session: Session) -> bool {
+        self.leading.is_none_or(|leading| leading == session)
+    }
+
     /// Whether a command of theirs was dropped for its loop age since the last one that was admitted.
     pub(crate) fn too_old(&self) -> bool {
         self.leader().is_some_and(|seat| seat.too_old)

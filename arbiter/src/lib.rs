@@ -40,6 +40,7 @@
 #![forbid(unsafe_code)]
 
 mod authority;
+mod barrier;
 mod config;
 mod hearing;
 mod lease;

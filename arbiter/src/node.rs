@@ -1,11 +1,15 @@
 //! The step machine: one named handler per event, and the arbitration that they lead to.
 
+mod lockstep;
+
 use tandem_wire::{
-    Claim, Command, Emergency, Envelope, Finite, Label, Latch, Limited, Malformed, Memory, Motion, Node, Numbering,
-    Outbox, Pace, Proposal, Reason, Refusal, Remember, Session, Setpoint, Stamp, State, Timing, Unreadable, Vec3,
+    Claim, Command, Deadman, Emergency, Envelope, Finite, Label, Latch, Limited, Malformed, Memory, Motion, Nanos,
+    Node, Numbering, Outbox, Pace, Proposal, Reason, Refusal, Remember, Session, Setpoint, Stamp, State, Timing, Topic,
+    Unreadable, Vec3,
 };
 
 use crate::authority::{Authority, Helm};
+use crate::barrier::Barrier;
 use crate::config::{ArbiterSettings, WorkspaceTurnedOver};
 use crate::hearing::{Change, Hearing};
 use crate::lease::Tenure;
@@ -37,6 +41,13 @@ pub enum Event {
     Presence,
     /// The process is about to end.
     Stop,
+    /// In lockstep: the sample of a tick does not come now.
+    Missed {
+        /// Whose sample.
+        topic: Topic,
+        /// Which tick's.
+        tick: u32,
+    },
 }
 
 /// Everything that the arbiter can cause.
@@ -57,10 +68,11 @@ pub struct Arbiter {
     limits: Limits,
     latch: Latch,
     supervisors: Vec<Label>,
+    /// How often setpoints are repeated while motion is permitted.
+    setpoint_period: Option<Nanos>,
     /// When the last setpoint was sent.
     sent: Option<Stamp>,
-    /// The last tick answered in lockstep.
-    answered: Option<u32>,
+    barrier: Barrier,
 }
 
 /// No hand and no arm is this fast, in metres per second; beyond it a blend could overflow.
@@ -81,8 +93,9 @@ impl Arbiter {
             limits: Limits::new(settings.bounds(&timing)?),
             latch: Latch::default(),
             supervisors: settings.supervisors.iter().map(|name| Label::new(name)).collect(),
+            setpoint_period: settings.setpoint_period(),
             sent: None,
-            answered: None,
+            barrier: Barrier::default(),
         })
     }
 
@@ -93,21 +106,38 @@ impl Arbiter {
     }
 
     fn on_command(&mut self, now: Stamp, command: &Envelope<Command>, outbox: &mut Outbox<Output>) {
+        let tick = command.header.tick;
+        let silent = self.hearing.command_silence(now);
         match self.hearing.admit_command(now, command) {
-            Err(why) => return self.hearing.refuse(why),
+            Err(why) => return self.on_refused_command(now, &command.header, why, outbox),
             Ok(Tenure::Watching) => return,
             Ok(Tenure::Anew { pressed: true }) => self.helm.hand_over(),
             Ok(Tenure::Anew { pressed: false } | Tenure::GivenUp) => self.helm.change_hands(),
             Ok(Tenure::Same) => {}
         }
+        match self.timing.pace {
+            Pace::Real => {
+                self.hear(now, command.body.deadman);
+                self.publish(now, outbox);
+            }
+            Pace::Lockstep if self.barrier.command.is_late(tick) => {
+                self.stop_after(silent);
+                self.hear(now, command.body.deadman);
+            }
+            Pace::Lockstep => {
+                self.barrier.command.come(tick);
+                self.barrier.keep_command_loss(silent);
+                self.barrier.keep_deadman(command.body.deadman);
+                self.answer_tick(now, outbox);
+            }
+        }
+    }
+
+    fn hear(&mut self, now: Stamp, deadman: Deadman) {
         match self.forbidden(now) {
-            None => self.helm.hear(command.body.deadman),
+            None => self.helm.hear(deadman),
             // A loss was noticed before this command was looked at.
             Some(reason) => drop(self.helm.stop(reason)),
-        }
-        match self.timing.pace {
-            Pace::Real => self.publish(now, outbox),
-            Pace::Lockstep => self.answer_tick(now, outbox),
         }
     }
 
@@ -143,13 +173,19 @@ impl Arbiter {
     }
 
     fn on_proposal(&mut self, now: Stamp, proposal: &Envelope<Proposal>, outbox: &mut Outbox<Output>) {
-        match self.hearing.admit_proposal(now, proposal) {
-            Err(why) => self.hearing.refuse(why),
-            Ok(()) => self.answer_tick(now, outbox),
+        if let Err(why) = self.hearing.admit_proposal(now, proposal) {
+            self.hearing.refuse(why);
+            if why != Refusal::LoopTooOld {
+                return;
+            }
         }
+        self.barrier.proposal.come(proposal.header.tick);
+        self.answer_tick(now, outbox);
     }
 
     fn on_state(&mut self, now: Stamp, state: &Envelope<State>, outbox: &mut Outbox<Output>) {
+        let tick = state.header.tick;
+        let silent = self.hearing.state_loss(now);
         match self.hearing.admit_state(now, state) {
             Err(why) => return self.hearing.refuse(why),
             Ok(Change::Anew) => {
@@ -159,6 +195,14 @@ impl Arbiter {
             Ok(Change::None) => {}
         }
         self.latch.hear_of(state.body.motion);
+        if self.timing.pace == Pace::Real {
+            return;
+        }
+        if self.barrier.state.is_late(tick) {
+            return self.stop_after(silent);
+        }
+        self.barrier.state.come(tick);
+        self.barrier.keep_state_loss(silent);
         self.answer_tick(now, outbox);
     }
 
@@ -181,38 +225,45 @@ impl Arbiter {
         {
             self.publish(now, outbox);
         }
+        // In lockstep silence is told tick by tick, and looked for where the tick is answered.
+        if self.timing.pace == Pace::Real {
+            self.expire_lease(now);
+        }
+    }
+
+    fn expire_lease(&mut self, now: Stamp) {
         if self.hearing.expire_lease(now) {
             self.helm.change_hands();
         }
     }
 
-    /// When to say again that motion is held for want of a stream; `None` while commands come and are answered.
+    /// When to say again that motion is held for want of a stream, or, where that is asked for, that it is permitted;
+    /// `None` while commands come and are answered.
     fn repeat_at(&self) -> Option<Stamp> {
         match self.helm.authority() {
             Authority::Held(reason) if self.timing.pace == Pace::Real && is_silence(reason) => {
                 Some(self.sent.map_or(Stamp(0), |sent| sent.after(self.timing.stream_period)))
             }
+            Authority::Human { .. } | Authority::Shared { .. } if self.timing.pace == Pace::Real => self
+                .setpoint_period
+                .zip(self.sent)
+                .map(|(period, sent)| next_multiple(sent, period)),
             _ => None,
         }
     }
 
-    /// In lockstep, answers once state, command and proposal of one tick are there.
-    fn answer_tick(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
-        let tick = self.hearing.complete_tick();
-        if self.timing.pace == Pace::Lockstep && tick.is_some() && tick != self.answered {
-            self.answered = tick;
-            self.publish(now, outbox);
-        }
+    fn publish(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+        let tick = self.hearing.robot().map_or(0, |robot| robot.tick);
+        self.publish_for(now, tick, outbox);
     }
 
-    fn publish(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+    fn publish_for(&mut self, now: Stamp, tick: u32, outbox: &mut Outbox<Output>) {
         self.sent = Some(now);
         if let Some(reason) = self.latch.reason()
             && self.helm.authority() != Authority::Closed
         {
             self.helm.stop(reason);
         }
-        let tick = self.hearing.robot().map_or(0, |robot| robot.tick);
         let setpoint = self.arbitrate(now);
         outbox.push(Output::Setpoint(self.numbering.envelope(now, tick, setpoint)));
     }
@@ -262,6 +313,11 @@ impl Arbiter {
     }
 }
 
+/// The first multiple of `period` after `sent`: what a late wake-up costs is not carried on.
+fn next_multiple(sent: Stamp, period: Nanos) -> Stamp {
+    Stamp((sent.0 / period).saturating_add(1).saturating_mul(period))
+}
+
 /// Whether motion is held because something is not heard, so that no command will come to be answered.
 fn is_silence(reason: Reason) -> bool {
     matches!(
@@ -286,8 +342,9 @@ impl Remember for Arbiter {
             limits,
             latch,
             supervisors: _,
+            setpoint_period: _,
             sent,
-            answered,
+            barrier,
         } = self;
         numbering.remember(memory)?;
         hearing.remember(memory)?;
@@ -296,7 +353,7 @@ impl Remember for Arbiter {
         limits.remember(memory)?;
         memory.part(latch)?;
         memory.part(sent)?;
-        memory.part(answered)
+        barrier.remember(memory)
     }
 }
 
@@ -318,6 +375,7 @@ impl Node for Arbiter {
             Event::Unreadable(_) => self.hearing.refuse(Refusal::Unreadable),
             Event::Wake => self.on_wake(now, outbox),
             Event::Presence => {}
+            Event::Missed { topic, tick } => self.on_missed(now, topic, tick, outbox),
             Event::Stop => self.on_stop(now, outbox),
         }
     }
@@ -325,7 +383,10 @@ impl Node for Arbiter {
     fn deadline(&self) -> Option<Stamp> {
         match (self.timing.pace, self.helm.authority()) {
             (Pace::Lockstep, _) | (_, Authority::Closed) => None,
-            _ => self.repeat_at().or_else(|| self.hearing.loss_at()),
+            _ => match (self.repeat_at(), self.hearing.loss_at()) {
+                (Some(repeat), Some(loss)) if self.helm.authority().motion().is_permitted() => Some(repeat.min(loss)),
+                (repeat, loss) => repeat.or(loss),
+            },
         }
     }
 

@@ -21,6 +21,7 @@ impl Ports for Arbiter {
             Input::Wake => Event::Wake,
             Input::Presence { .. } => Event::Presence,
             Input::Stop => Event::Stop,
+            Input::Missed { topic, tick } => Event::Missed { topic, tick },
         }
     }
 

@@ -257,3 +257,22 @@ fn at_full_speed_the_first_press_starts_from_rest_and_is_ramped_within_the_accel
     }
     assert!((speeds[speeds.len() - 1] - 0.5).abs() < 1e-9);
 }
+
+#[test]
+fn where_it_is_asked_for_setpoints_go_out_every_millisecond_while_motion_is_permitted() {
+    let settings = ArbiterSettings {
+        setpoint_hz: 1000.0,
+        ..ArbiterSettings::default()
+    };
+    let mut stage = Stage::new(Timing::default(), &settings);
+    rounds(&mut stage, 1..3, Some(RELEASED), None);
+    rounds(&mut stage, 3..5, Some(held(1)), None);
+    let before = stage.setpoints.len();
+    stage.pass(at(95));
+    assert_eq!(stage.setpoints.len() - before, 12, "from 83 to 94 ms");
+    stage.pass(at(400));
+    assert!(matches!(
+        motion(&stage),
+        Motion::Held(Reason::StateLost { .. } | Reason::CommandLost { .. })
+    ));
+}

@@ -4,7 +4,7 @@ mod support;
 
 use support::*;
 use tandem_arbiter::{ArbiterSettings, Authority, Event, LawName};
-use tandem_wire::{Deadman, Malformed, Node, Reason, Seq, Session, Timing, Topic, Unreadable, Vec3};
+use tandem_wire::{Deadman, Malformed, Seq, Session, Timing, Topic, Unreadable, Vec3};
 
 const HUMAN: Vec3 = Vec3::new(0.0, 0.1, 0.0);
 const ROBOT_WANTS: Vec3 = Vec3::new(0.1, 0.0, 0.0);
@@ -304,18 +304,6 @@ fn in_lockstep_the_order_of_arrival_does_not_matter() {
         assert_eq!(run(&|_| order), expected);
     }
     assert_eq!(run(&|n| orders[(n % 6) as usize]), expected);
-}
-
-#[test]
-fn in_lockstep_time_passes_only_with_ticks() {
-    let mut stage = Stage::new(Timing::default().lockstep(), &ArbiterSettings::default());
-    assert_eq!(stage.arbiter.deadline(), None);
-    stage.step(at(0), Event::Command(command(1, 0, Deadman::Released, HUMAN)));
-    stage.step(at(60_000), Event::State(state(1, 0, CENTRE)));
-    stage.step(at(60_000), Event::Proposal(proposal(1, 0, None)));
-    let setpoint = stage.setpoints[0].body;
-    assert_eq!(setpoint.motion.reason(), Some(Reason::DeadmanReleased));
-    assert_eq!(setpoint.command.map(|used| used.id.seq), Some(Seq(1)));
 }
 
 #[test]

@@ -4,16 +4,15 @@
 //! execution of it needs no bad line. What befalls a sample depends on seed, receiver, stream and sequence number
 //! alone: the same trial meets the same line again, whatever else changes.
 //!
-//! Only where time passes by itself: in real time, over Zenoh or in a world under virtual time. In lockstep everybody
-//! waits for every tick's sample, so that a line that keeps one back would stop the loop; whoever asks for both is
-//! refused. Pure: time is an argument.
+//! In lockstep everybody waits for every tick's sample: [`arrival`](crate::Arrival) says what becomes of one that is
+//! kept back there. Pure: time is an argument.
 
 use std::collections::VecDeque;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use tandem_settings::{choices, settings};
-use tandem_wire::{MILLISECOND, Nanos, NodeName, Pace, SECOND, Stamp, Timing, Topic, codec};
+use tandem_wire::{MILLISECOND, Nanos, NodeName, SECOND, Stamp, Timing, Topic, codec};
 
 choices! {
     /// A stream in one direction: what it carries, and to whom.
@@ -102,8 +101,21 @@ impl Impairment {
     /// Whether samples of a stream may be late or lost.
     #[must_use]
     pub fn befalls(&self, topic: Topic) -> bool {
-        self.timing.pace == Pace::Real
-            && Direction::of(self.receiver, topic).is_some_and(|direction| self.settings.streams.contains(&direction))
+        Direction::of(self.receiver, topic).is_some_and(|direction| self.settings.streams.contains(&direction))
+    }
+
+    /// Whether any stream is chosen.
+    #[must_use]
+    pub const fn is_bad(&self) -> bool {
+        !self.settings.streams.is_empty()
+    }
+
+    pub(crate) const fn receiver(&self) -> NodeName {
+        self.receiver
+    }
+
+    pub(crate) const fn period(&self) -> Nanos {
+        self.timing.period
     }
 
     /// Takes in a sample that arrives at `now`. Given back, it may be heard at once; otherwise it is lost, or waits for
@@ -135,7 +147,7 @@ impl Impairment {
         self.held.pop_front_if(|(at, ..)| *at <= now)
     }
 
-    fn hold(&mut self, at: Stamp, topic: Topic, bytes: Vec<u8>) {
+    pub(crate) fn hold(&mut self, at: Stamp, topic: Topic, bytes: Vec<u8>) {
         let behind = self.held.iter().take_while(|(other, ..)| *other <= at).count();
         self.held.insert(behind, (at, topic, bytes));
     }
@@ -275,13 +287,11 @@ mod tests {
     }
 
     #[test]
-    fn other_streams_lockstep_and_what_cannot_be_read_pass_untouched() {
+    fn other_streams_and_what_cannot_be_read_pass_untouched() {
         let mut lossy = line(|settings| settings.loss = 1.0);
         assert_eq!(lossy.take(Stamp(0), Topic::Command, command(1)), None);
         assert!(lossy.take(Stamp(0), Topic::State, command(1)).is_some());
         assert_eq!(lossy.take(Stamp(0), Topic::Command, vec![1, 2, 3]), Some(vec![1, 2, 3]));
-        lossy.timing = lossy.timing.lockstep();
-        assert!(lossy.take(Stamp(0), Topic::Command, command(1)).is_some());
     }
 
     #[test]

@@ -252,6 +252,6 @@ fn entry_bytes(entry: &JournalEntry) -> usize {
         Happening::Sample { bytes, .. } | Happening::Output { bytes, .. } | Happening::Snapshot { bytes } => {
             40 + bytes.len()
         }
-        Happening::Wake | Happening::Presence { .. } | Happening::Stop => 24,
+        Happening::Wake | Happening::Presence { .. } | Happening::Stop | Happening::Missed { .. } => 24,
     }
 }

@@ -24,6 +24,7 @@
 #![warn(missing_docs)]
 
 mod answer;
+mod arrival;
 pub mod clock;
 mod clocks;
 pub mod config;
@@ -38,6 +39,7 @@ pub mod run;
 mod running;
 mod spool;
 
+pub use arrival::Arrival;
 pub use clock::{Clock, fresh_session};
 pub use clocks::{Estimate, Estimator, Exchange, Taken, WINDOW, measure_clocks};
 pub use config::{ClockSettings, LinkSettings, LoopSettings, TaskSettings};

@@ -177,9 +177,9 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
                 Next::Item(item) if self.is_late(&item) => self.late += 1,
                 Next::Item(item) if self.loses(&item) => {}
                 Next::Item(item) => {
-                    let Some(item) = self.let_through(item) else { continue };
                     self.note_tick(&item);
                     self.note_recorder(&item);
+                    let Some(item) = self.let_through(item) else { continue };
                     self.step(item.input());
                     if matches!(item, Item::Stop) {
                         self.hear_out(receiver);
@@ -200,11 +200,28 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
     /// A bad line keeps samples back before the journal sees them: what stands in it is what the node saw.
     fn let_through(&mut self, item: Item) -> Option<Item> {
         match item {
+            Item::Sample { topic, bytes, .. } if self.is_bad_lockstep() => {
+                self.pass(topic, bytes);
+                None
+            }
             Item::Sample { topic, bytes, arrived } => {
                 let bytes = self.line.take(self.clock.now(), topic, bytes)?;
                 Some(Item::Sample { topic, bytes, arrived })
             }
             other => Some(other),
+        }
+    }
+
+    fn is_bad_lockstep(&self) -> bool {
+        self.line.is_bad() && self.options.timing.pace == Pace::Lockstep
+    }
+
+    /// Over a bad line in lockstep a sample may reach the node later, and others with it.
+    fn pass(&mut self, topic: Topic, bytes: Vec<u8>) {
+        let sample = Input::Sample { topic, bytes: &bytes };
+        let now = self.now.max(lockstep_now(sample, self.options.timing.period));
+        for arrival in self.line.arrive(now, topic, bytes) {
+            self.step_at(arrival.at, arrival.input());
         }
     }
 
@@ -291,7 +308,9 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
     }
 
     fn next(&mut self, receiver: &Receiver<Item>) -> Next {
-        if let Some((arrived, topic, bytes)) = self.line.due(self.clock.now()) {
+        if self.options.timing.pace == Pace::Real
+            && let Some((arrived, topic, bytes)) = self.line.due(self.clock.now())
+        {
             return Next::Released(Item::Sample { topic, bytes, arrived });
         }
         let deadlines = [self.node.deadline(), self.line.deadline()];
@@ -313,10 +332,15 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
     }
 
     fn step(&mut self, input: Input<'_>) {
+        self.step_at(Stamp(0), input);
+    }
+
+    /// In lockstep no earlier than at `at`.
+    fn step_at(&mut self, at: Stamp, input: Input<'_>) {
         let wall = self.clock.now();
         self.now = match self.options.timing.pace {
             Pace::Real => wall,
-            Pace::Lockstep => self.now.max(lockstep_now(input, self.options.timing.period)),
+            Pace::Lockstep => self.now.max(lockstep_now(input, self.options.timing.period)).max(at),
         };
         let now = self.now;
         if let Some(journal) = &mut self.journal {
@@ -399,6 +423,7 @@ pub fn lockstep_now(input: Input<'_>, period: Nanos) -> Stamp {
         Input::Sample { topic, bytes } if topic.delivery() != Delivery::Bulk => {
             codec::peek(bytes).map_or(Stamp(0), |(_, header)| Stamp::of_tick(header.tick, period))
         }
+        Input::Missed { tick, .. } => Stamp::of_tick(tick, period),
         _ => Stamp(0),
     }
 }

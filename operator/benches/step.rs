@@ -26,6 +26,7 @@ fn state(tick: u32) -> Vec<u8> {
         motion: Motion::Permitted { press: 1 },
         at_rest: false,
         obeys: None,
+        arrivals: None,
         refused: Refusals::default(),
     };
     let header = Header {

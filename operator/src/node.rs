@@ -4,7 +4,7 @@ use bincode::{Decode, Encode};
 use tandem_wire::{
     Claim, Command, Deadman, Emergency, Envelope, Label, Malformed, Memory, Nanos, Node, NodeName, Numbering, Outbox,
     Pace, Reason, Refusal, Refusals, Remember, SECOND, Session, Stamp, State, StateGuard, Storage, TaskFrame, Timing,
-    Trial, Unreadable, Wish,
+    Topic, Trial, Unreadable, Wish,
 };
 
 use crate::config::{HumanConfig, HumanSettings, KeyConfig, OperatorSettings, SourceKind};
@@ -39,6 +39,13 @@ pub enum Event {
     Wake,
     /// The process is about to end.
     Stop,
+    /// In lockstep: the sample of a tick does not come now.
+    Missed {
+        /// Whose sample.
+        topic: Topic,
+        /// Which tick's.
+        tick: u32,
+    },
 }
 
 /// Everything that an operator can cause.
@@ -76,6 +83,8 @@ pub struct Operator {
     newest_trial: u32,
     source: Source,
     stream: Stream,
+    /// In lockstep: the newest tick whose state did not come in time; it is answered already.
+    missed: Option<u32>,
     /// The deadman of the newest command.
     pressed: Deadman,
     recording: Recording,
@@ -130,6 +139,7 @@ impl Operator {
                 due: Stamp(0),
                 sent: Deadman::Released,
             },
+            missed: None,
             pressed: Deadman::Released,
             recording: Recording::default(),
             status: None,
@@ -145,8 +155,21 @@ impl Operator {
         self.picture = Picture::Live(seen);
         self.newest_trial = self.newest_trial.max(seen.trial);
         self.source.see(&sight);
-        if self.timing.pace == Pace::Lockstep && self.stream != Stream::Ended {
-            self.send(now, outbox);
+        let answered = self.missed.is_some_and(|missed| state.header.tick <= missed);
+        if self.timing.pace == Pace::Lockstep && self.stream != Stream::Ended && !answered {
+            self.send(now, self.tick(), outbox);
+        }
+    }
+
+    /// In lockstep every tick is answered: without its state, from what was seen before.
+    fn on_missed(&mut self, now: Stamp, topic: Topic, tick: u32, outbox: &mut Outbox<Output>) {
+        if topic != Topic::State || self.timing.pace != Pace::Lockstep {
+            return;
+        }
+        self.missed = Some(tick);
+        self.states.miss(tick);
+        if self.stream != Stream::Ended {
+            self.send(now, tick, outbox);
         }
     }
 
@@ -226,18 +249,18 @@ impl Operator {
             return;
         };
         if self.timing.pace == Pace::Real && (now >= due || sent != self.deadman()) {
-            self.send(now, outbox);
+            self.send(now, self.tick(), outbox);
         }
     }
 
-    fn send(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+    fn send(&mut self, now: Stamp, tick: u32, outbox: &mut Outbox<Output>) {
         let command = self.command(self.deadman());
         self.repeat_stop(now, outbox);
         if command.deadman != Deadman::Released && command.deadman != self.pressed {
             self.claim(now, Wish::Drive, outbox);
         }
         self.pressed = command.deadman;
-        outbox.push(Output::Command(self.commands.envelope(now, self.tick(), command)));
+        outbox.push(Output::Command(self.commands.envelope(now, tick, command)));
         if let Stream::Flowing { due, sent } = &mut self.stream {
             *sent = command.deadman;
             if now >= *due {
@@ -314,6 +337,7 @@ impl Remember for Operator {
             newest_trial,
             source,
             stream,
+            missed,
             pressed,
             // What the screen shows: a restored operator says it once more.
             status: _,
@@ -331,7 +355,8 @@ impl Remember for Operator {
         memory.part(picture)?;
         memory.part(newest_trial)?;
         source.remember(memory)?;
-        memory.part(stream)
+        memory.part(stream)?;
+        memory.part(missed)
     }
 }
 
@@ -350,6 +375,7 @@ impl Node for Operator {
             Event::Unreadable(_) => self.refused.add(Refusal::Unreadable),
             Event::Stop => self.on_stop(now, outbox),
             Event::Wake => {}
+            Event::Missed { topic, tick } => self.on_missed(now, topic, tick, outbox),
         }
         self.flow(now, outbox);
         self.show(outbox);

@@ -19,6 +19,7 @@ impl Ports for Operator {
             Input::Wake => Event::Wake,
             Input::Presence { peer, alive } => Event::Presence { peer, alive },
             Input::Stop => Event::Stop,
+            Input::Missed { topic, tick } => Event::Missed { topic, tick },
         }
     }
 

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use bincode::{Decode, Encode};
 use tandem_cesn::{Forecaster, Model};
 use tandem_wire::{
-    Envelope, Forecast, Guidance, Header, Malformed, Memory, Node, Numbering, Outbox, Proposal, Refusal, Refusals,
-    Remember, Session, Stamp, State, StateGuard, TaskFrame, Timing, Unreadable,
+    Envelope, Forecast, Guidance, Header, Malformed, Memory, Node, Numbering, Outbox, Pace, Proposal, Refusal,
+    Refusals, Remember, Session, Stamp, State, StateGuard, TaskFrame, Timing, Topic, Unreadable,
 };
 
 use crate::checkpoint::{Crossing, Lookout, Plane};
@@ -30,6 +30,13 @@ pub enum Event {
     Presence,
     /// The process is about to end.
     Stop,
+    /// In lockstep: the sample of a tick does not come now.
+    Missed {
+        /// Whose sample.
+        topic: Topic,
+        /// Which tick's.
+        tick: u32,
+    },
 }
 
 /// Everything that the predictor can cause.
@@ -58,6 +65,8 @@ pub struct Predictor {
     /// Forecasts made so far.
     made: u32,
     tick: Option<Tick>,
+    /// In lockstep: the newest tick whose state did not come in time; it is answered already.
+    missed: Option<u32>,
 }
 
 /// The newest tick, and what was decided in it.
@@ -116,6 +125,7 @@ impl Predictor {
             course: None,
             made: 0,
             tick: None,
+            missed: None,
         })
     }
 
@@ -144,12 +154,29 @@ impl Predictor {
             trial,
             guidance,
         });
+        if self.missed.is_none_or(|missed| state.header.tick > missed) {
+            self.propose(now, state.header.tick, guidance, outbox);
+        }
+    }
+
+    /// In lockstep every tick is answered: without its state, with the proposal made from the newest one that was seen,
+    /// until states are lost.
+    fn on_missed(&mut self, now: Stamp, topic: Topic, tick: u32, outbox: &mut Outbox<Output>) {
+        if topic != Topic::State || self.timing.pace != Pace::Lockstep {
+            return;
+        }
+        self.missed = Some(tick);
+        self.states.miss(tick);
+        let newest = self.tick.filter(|_| !self.states.is_lost(now));
+        self.propose(now, tick, newest.and_then(|newest| newest.guidance), outbox);
+    }
+
+    fn propose(&mut self, now: Stamp, tick: u32, guidance: Option<Guidance>, outbox: &mut Outbox<Output>) {
         let proposal = Proposal {
-            seen: Some(state.header.id()),
+            seen: self.states.newest(),
             guidance,
         };
-        let proposal = self.proposals.envelope(now, state.header.tick, proposal);
-        outbox.push(Output::Proposal(proposal));
+        outbox.push(Output::Proposal(self.proposals.envelope(now, tick, proposal)));
     }
 
     /// Forgets the trial before; the state at hand opens a tick.
@@ -220,6 +247,7 @@ impl Remember for Predictor {
             course,
             made,
             tick,
+            missed,
         } = self;
         proposals.remember(memory)?;
         forecasts.remember(memory)?;
@@ -229,7 +257,8 @@ impl Remember for Predictor {
         memory.part(course)?;
         memory.check(course.as_ref().is_none_or(Course::is_possible))?;
         memory.part(made)?;
-        memory.part(tick)
+        memory.part(tick)?;
+        memory.part(missed)
     }
 }
 
@@ -241,6 +270,7 @@ impl Node for Predictor {
         match event {
             Event::State(state) => self.on_state(now, &state, outbox),
             Event::Unreadable(_) => self.refused.add(Refusal::Unreadable),
+            Event::Missed { topic, tick } => self.on_missed(now, topic, tick, outbox),
             Event::Wake | Event::Presence | Event::Stop => {}
         }
     }

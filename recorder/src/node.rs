@@ -409,6 +409,7 @@ const fn level_of(reason: Reason) -> Level {
         | Reason::LoopTooOld
         | Reason::ShuttingDown
         | Reason::SecondOperator
+        | Reason::SetpointsMissed { .. }
         | Reason::NoLease => Level::Warning,
         Reason::EmergencyStop { .. } => Level::Error,
     }

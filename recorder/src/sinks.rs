@@ -110,6 +110,11 @@ pub enum Notice {
         /// The address.
         url: String,
     },
+    /// When it ended, no viewer had been shown all of it.
+    ViewerMissed {
+        /// The address.
+        url: String,
+    },
     /// A sink falls behind, so that messages to it are dropped.
     Behind {
         /// Which sink.
@@ -146,6 +151,10 @@ impl fmt::Display for Notice {
             Self::ViewerGone { url } => write!(
                 f,
                 "the viewer at {url} has gone; recording goes on, and it is shown the session again when it is back"
+            ),
+            Self::ViewerMissed { url } => write!(
+                f,
+                "no viewer at {url} was shown the end: none was there, or it took too long to begin"
             ),
             Self::Behind { sink } => write!(f, "{sink} falls behind; what it misses is counted"),
             Self::Dropped { channels } => {

@@ -6,6 +6,7 @@
 
 mod clocks;
 mod gaps;
+mod journal;
 
 use std::collections::BTreeMap;
 
@@ -16,6 +17,7 @@ use crate::heard::{JournalPart, Sample};
 pub use clocks::ClockOffset;
 use clocks::Clocks;
 use gaps::Gaps;
+use journal::Journal;
 
 /// Runs of senders that are remembered per topic. Two operators may send at once; more than four are told apart no
 /// longer, which makes their counts too high rather than the table too large.
@@ -62,7 +64,7 @@ pub struct JournalCount {
     pub entries: u64,
     /// Entries that its writer lost.
     pub lost: u64,
-    /// Entries between the first and the last received ones that never came.
+    /// Entries before the last received one of a run that never came, those from before the recorder did included.
     pub missed: u64,
 }
 
@@ -125,15 +127,6 @@ struct Run {
     gaps: Gaps,
 }
 
-#[derive(Clone, Debug)]
-struct Journal {
-    count: JournalCount,
-    session: Session,
-    next: u64,
-    /// Indices that have not come.
-    gaps: Gaps,
-}
-
 impl Tally {
     /// Counts a message that was read.
     pub(crate) fn count(&mut self, topic: Topic, header: &Header) -> Place {
@@ -168,12 +161,10 @@ impl Tally {
 
     /// Counts part of a journal.
     pub(crate) fn count_journal(&mut self, part: &JournalPart) {
-        let journal = self.journals.entry(part.node).or_insert_with(|| Journal::new(part));
-        if journal.session != part.header.session {
-            journal.session = part.header.session;
-            journal.next = part.first;
-            journal.gaps.clear();
-        }
+        let journal = self
+            .journals
+            .entry(part.node)
+            .or_insert_with(|| Journal::new(part.node));
         journal.add(part);
     }
 
@@ -181,7 +172,7 @@ impl Tally {
     pub(crate) fn counts(&self) -> Counts {
         Counts {
             streams: self.streams.values().map(|stream| stream.count).collect(),
-            journals: self.journals.values().map(|journal| journal.count).collect(),
+            journals: self.journals.values().map(Journal::count).collect(),
             gaps: self.gaps().collect(),
             gaps_forgotten: self.gaps_forgotten(),
             clocks: self.clocks.offsets(),
@@ -195,10 +186,11 @@ impl Tally {
             let gaps = |run: &'_ Run| (*topic, run.session, run.gaps.clone());
             stream.runs.iter().map(gaps)
         });
-        let of_journals = self
-            .journals
-            .iter()
-            .map(|(node, journal)| (Topic::Journal(*node), journal.session, journal.gaps.clone()));
+        let of_journals = self.journals.values().flat_map(|journal| {
+            let gaps =
+                |(session, gaps): (Session, &Gaps)| (Topic::Journal(journal.count().node), session, gaps.clone());
+            journal.gaps().map(gaps)
+        });
         of_streams.chain(of_journals).flat_map(|(topic, session, gaps)| {
             let gap = |(first, end): (u64, u64)| Gap {
                 topic,
@@ -213,7 +205,7 @@ impl Tally {
     fn gaps_forgotten(&self) -> u64 {
         let of_runs = |stream: &Stream| stream.runs.iter().map(|run| run.gaps.forgotten()).sum::<u64>();
         let of_streams = self.streams.values().map(|stream| stream.forgotten + of_runs(stream));
-        let of_journals = self.journals.values().map(|journal| journal.gaps.forgotten());
+        let of_journals = self.journals.values().map(Journal::forgotten);
         of_streams.chain(of_journals).sum()
     }
 
@@ -292,42 +284,6 @@ impl Run {
     }
 }
 
-impl Journal {
-    fn new(part: &JournalPart) -> Self {
-        Self {
-            count: JournalCount {
-                node: part.node,
-                entries: 0,
-                lost: 0,
-                missed: 0,
-            },
-            session: part.header.session,
-            next: part.first,
-            gaps: Gaps::default(),
-        }
-    }
-
-    fn add(&mut self, part: &JournalPart) {
-        let end = part.first.saturating_add(part.entries);
-        if part.first >= self.next {
-            let missing = part.first - self.next;
-            // What the writer lost has indices too, and is lost rather than on its way.
-            let lost = part.lost.min(missing);
-            self.count.lost += lost;
-            if missing > lost {
-                self.count.missed += missing - lost;
-                self.gaps.add(self.next, part.first - lost);
-            }
-            self.count.entries += part.entries;
-            self.next = end;
-        } else {
-            let filled = self.gaps.fill(part.first, end);
-            self.count.missed = self.count.missed.saturating_sub(filled);
-            self.count.entries += filled;
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -368,27 +324,5 @@ mod tests {
             assert_eq!(tally.count(Topic::State, &header(session, seq)), Place::Next);
         }
         assert_eq!(state_count(&tally).runs, 2);
-    }
-
-    #[test]
-    fn a_journal_part_fetched_later_closes_its_gap() {
-        let mut tally = Tally::default();
-        let mut hear = |first, entries, lost| {
-            tally.count_journal(&JournalPart {
-                node: NodeName::Arbiter,
-                header: header(1, 1),
-                first,
-                entries,
-                lost,
-                bytes: Vec::new(),
-            });
-            let count = tally.counts().journals[0];
-            (count.entries, count.lost, count.missed)
-        };
-        assert_eq!(hear(0, 10, 0), (10, 0, 0));
-        assert_eq!(hear(25, 5, 3), (15, 3, 12));
-        assert_eq!(hear(12, 4, 0), (19, 3, 8));
-        assert_eq!(hear(12, 4, 0), (19, 3, 8), "again");
-        assert_eq!(hear(5, 17, 0), (27, 3, 0));
     }
 }

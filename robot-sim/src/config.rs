@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 
-use tandem_settings::settings;
+use tandem_settings::{choices, settings};
 use tandem_wire::{Aabb, Body, Cylinder, Finite, LINKS, Scene, Timing, Vec3};
 
 use crate::arm::{RAMP_SHARE, TICK_S, ToolBounds};
@@ -12,9 +12,21 @@ use crate::kinematics::{Unreachable, joints_for};
 use crate::panda::{ARM_CAPSULES, Capsule, FLANGE, PerJoint};
 use crate::scene::OBSTACLES_MAX;
 
+choices! {
+    /// How setpoints are expected to come.
+    pub enum LinkName {
+        /// As a stream at the loop's rate; silence stops.
+        Stream = "stream",
+        /// One every millisecond, as Franka's control interface expects them; twenty misses in a row stop.
+        Franka = "franka",
+    }
+}
+
 settings! {
     /// The simulated arm and what stands around it. All coordinates are in the arm's base frame.
     pub struct RobotSimSettings("robot-sim") {
+        /// How setpoints are expected to come. For "franka" set arbiter.setpoint_hz = 1000, too.
+        pub link: LinkName = LinkName::Stream;
         /// The fastest the tool moves, in metres per second, whatever is asked.
         pub tool_speed_m_s: f64 = 0.5, in 0.01..=1.7;
         /// How quickly the tool's velocity changes at most, in metres per second squared; also how hard it stops. Above
@@ -79,6 +91,8 @@ pub enum UnusableScene {
 #[derive(Clone, Debug)]
 pub(crate) struct Surroundings {
     pub(crate) bounds: ToolBounds,
+    /// How setpoints are expected to come.
+    pub(crate) link: LinkName,
     /// The most inner ticks that one step simulates; see [`stop_ticks_max`].
     pub(crate) stop_ticks_max: u32,
     /// The joint angles at the start.
@@ -111,6 +125,7 @@ impl RobotSimSettings {
             acceleration: self.tool_acceleration_m_s2,
         };
         Ok(Surroundings {
+            link: self.link,
             stop_ticks_max: stop_ticks_max(&bounds, timing),
             bounds,
             start,

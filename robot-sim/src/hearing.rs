@@ -6,8 +6,8 @@
 
 use bincode::{Decode, Encode};
 use tandem_wire::{
-    Deadman, Echoes, Envelope, Guard, Lease, Malformed, Memory, MessageId, Motion, Nanos, Rearm, Reason, Refusal,
-    Refusals, Remember, Seq, Setpoint, Stamp, Timing,
+    Deadman, Echoes, Envelope, Guard, Header, Lease, Malformed, Memory, MessageId, Motion, Nanos, Rearm, Reason,
+    Refusal, Refusals, Remember, Seq, Setpoint, Stamp, Timing,
 };
 
 /// The stream of setpoints, as the robot hears it.
@@ -94,6 +94,11 @@ impl Hearing {
             return Err(Refusal::LoopTooOld);
         }
         self.echoes.admit(now, seen, self.loop_age_limit).map(|_age| ())
+    }
+
+    /// Whether a message comes from whoever is listened to, if anybody is.
+    pub(crate) fn listens_to(&self, header: &Header) -> bool {
+        self.setpoints.session().is_none_or(|session| session == header.session)
     }
 
     /// Counts a dropped message.

@@ -45,9 +45,10 @@ pub mod kinematics;
 mod node;
 pub mod panda;
 mod ports;
+mod pulse;
 mod report;
 pub mod scene;
 mod trials;
 
-pub use config::{RobotSimSettings, UnusableScene};
+pub use config::{LinkName, RobotSimSettings, UnusableScene};
 pub use node::{Event, Output, RobotSim};

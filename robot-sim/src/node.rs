@@ -1,15 +1,18 @@
 //! The step machine: one named handler per event, the watchdog, and what is published.
 
+mod lockstep;
+
 use std::sync::Arc;
 
 use tandem_wire::{
     Emergency, Envelope, Latch, MILLISECOND, Malformed, Memory, Motion, Node, Numbering, Outbox, Pace, Reason, Refusal,
-    Remember, Scene, Session, Setpoint, Stamp, State, Timing, Trial, Unreadable,
+    Remember, Scene, Session, Setpoint, Stamp, State, Timing, Topic, Trial, Unreadable,
 };
 
-use crate::config::{RobotSimSettings, Surroundings, UnusableScene};
+use crate::config::{LinkName, RobotSimSettings, Surroundings, UnusableScene};
 use crate::hearing::Hearing;
 use crate::inner::Inner;
+use crate::pulse::Pulse;
 use crate::report::{Situation, report};
 use crate::trials::Running;
 
@@ -34,6 +37,13 @@ pub enum Event {
     Presence,
     /// The process is about to end.
     Stop,
+    /// In lockstep: the sample of a tick does not come now.
+    Missed {
+        /// Whose sample.
+        topic: Topic,
+        /// Which tick's.
+        tick: u32,
+    },
 }
 
 /// Everything that the robot can cause.
@@ -60,6 +70,7 @@ pub struct RobotSim {
     inner: Inner,
     motion: Motion,
     latch: Latch,
+    pulse: Pulse,
     trial: Running,
     /// Control periods since the session began.
     tick: u32,
@@ -94,6 +105,7 @@ impl RobotSim {
             inner,
             motion: Motion::Held(Reason::NoSetpointYet),
             latch: Latch::default(),
+            pulse: Pulse::default(),
             trial: Running::default(),
             tick,
             in_step: false,
@@ -126,18 +138,33 @@ impl RobotSim {
             return self.hearing.refuse(Refusal::OutOfOrder);
         }
         match self.hearing.admit(now, &setpoint) {
-            Err(why) => return self.hearing.refuse(why),
-            Ok(motion) => self.motion = motion,
+            Err(why) => {
+                self.hearing.refuse(why);
+                let answers = lockstep && why == Refusal::LoopTooOld && self.hearing.listens_to(&setpoint.header);
+                if !answers {
+                    return;
+                }
+            }
+            Ok(motion) => self.obey(now, motion, setpoint),
         }
+        if lockstep {
+            self.finish_period(outbox);
+        }
+    }
+
+    fn obey(&mut self, now: Stamp, motion: Motion, setpoint: Envelope<Setpoint>) {
+        let was_permitted = self.motion.is_permitted();
+        self.motion = motion;
         if setpoint.body.motion.is_permitted() && self.trial.number == 0 {
             self.hold(Reason::NoTrial);
+        }
+        self.pulse.beat();
+        if self.motion.is_permitted() && !was_permitted {
+            self.pulse.begin();
         }
         self.latch.hear_of(setpoint.body.motion);
         self.keep_stopped();
         self.inner.obey(setpoint, now);
-        if lockstep {
-            self.finish_period(outbox);
-        }
     }
 
     fn on_trial(&mut self, trial: &Envelope<Trial>) {
@@ -171,6 +198,7 @@ impl RobotSim {
     fn on_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         self.hold(Reason::ShuttingDown);
         self.publish_state(now, outbox);
+        self.in_step = false;
         let mut left = self.surroundings.stop_ticks_max;
         while left > 0 && !self.inner.is_idle() {
             // In lockstep time stands still, and there is only one more state to tell.
@@ -217,6 +245,7 @@ impl RobotSim {
             if left == 0 || self.inner.ticks() >= target || self.is_standing() {
                 return left;
             }
+            self.count_arrivals();
             let permitted = self.motion.is_permitted();
             self.inner
                 .tick(permitted, &self.surroundings.bounds, &self.surroundings.scene.obstacles);
@@ -224,26 +253,33 @@ impl RobotSim {
         }
     }
 
+    /// One millisecond of a link on which one setpoint is expected in each. In lockstep nothing is timed.
+    fn count_arrivals(&mut self) {
+        if !self.is_pulsed() || !self.motion.is_permitted() {
+            return self.pulse.rest();
+        }
+        if let Some(in_a_row) = self.pulse.tick() {
+            self.hearing.forget_press();
+            self.motion = Motion::Held(Reason::SetpointsMissed { in_a_row });
+        }
+    }
+
+    fn is_pulsed(&self) -> bool {
+        self.surroundings.link == LinkName::Franka && self.timing.pace == Pace::Real
+    }
+
     fn is_standing(&self) -> bool {
         !self.motion.is_permitted() && self.inner.is_idle()
     }
 
-    /// The watchdog, asked at every inner tick. In lockstep silence is waited for, not timed.
+    /// The watchdog, asked at every inner tick. In lockstep only a bad line makes silence, and virtual time tells it.
     fn watch(&mut self, now: Stamp) {
-        if self.timing.pace == Pace::Real
+        if (self.timing.pace == Pace::Real || self.in_step)
             && let Some(reason) = self.hearing.newly_lost(now)
         {
             self.motion = Motion::Held(reason);
             self.keep_stopped();
         }
-    }
-
-    /// Lockstep: the rest of this period under the setpoint that just came, then the next state.
-    fn finish_period(&mut self, outbox: &mut Outbox<Output>) {
-        let tick = self.tick.saturating_add(1);
-        self.catch_up(Stamp::of_tick(tick, self.timing.period));
-        self.tick = tick;
-        self.publish_state(Stamp::of_tick(tick, self.timing.period), outbox);
     }
 
     /// Begins the trial that waits for it, once the arm stands. In lockstep time stands still too, so there it need
@@ -302,6 +338,7 @@ impl RobotSim {
             trial: self.trial.number,
             trial_start: self.trial.start,
             motion: self.motion,
+            arrivals: self.is_pulsed().then(|| self.pulse.report()),
             refused: self.hearing.refused(),
         };
         let state = report(&mut self.inner, &self.surroundings.scene.obstacles, situation);
@@ -336,6 +373,7 @@ impl Remember for RobotSim {
             inner,
             motion,
             latch,
+            pulse,
             trial,
             tick,
             in_step,
@@ -349,6 +387,7 @@ impl Remember for RobotSim {
         inner.remember(memory)?;
         memory.part(motion)?;
         memory.part(latch)?;
+        memory.part(pulse)?;
         memory.part(trial)?;
         memory.part(tick)?;
         memory.part(in_step)?;
@@ -366,16 +405,19 @@ impl Node for RobotSim {
         if self.closed {
             return;
         }
-        let now = self.time(now);
+        let within = self.is_within_period(now);
+        let (at, now) = (now, self.time(now));
         if self.timing.pace == Pace::Real {
             self.catch_up(now);
             self.tick = u32::try_from(now.0 / self.timing.period.max(1)).unwrap_or(u32::MAX);
         }
         match event {
+            Event::Setpoint(setpoint) if within => self.on_late_setpoint(at, setpoint),
             Event::Setpoint(setpoint) => self.on_setpoint(now, setpoint, outbox),
             Event::Trial(trial) => self.on_trial(&trial),
             Event::Emergency(emergency) => self.on_emergency(now, &emergency, outbox),
             Event::Unreadable(_) => self.hearing.refuse(Refusal::Unreadable),
+            Event::Missed { topic, tick } => self.on_missed(topic, tick, outbox),
             Event::Wake | Event::Presence => {}
             Event::Stop => return self.on_stop(now, outbox),
         }

@@ -15,6 +15,7 @@ impl Ports for RobotSim {
             Input::Wake => Event::Wake,
             Input::Presence { .. } => Event::Presence,
             Input::Stop => Event::Stop,
+            Input::Missed { topic, tick } => Event::Missed { topic, tick },
         }
     }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Rotation3, UnitQuaternion};
 
-use tandem_wire::{Cylinder, Finite, Motion, Pose, Refusals, State, Vec3};
+use tandem_wire::{Arrivals, Cylinder, Finite, Motion, Pose, Refusals, State, Vec3};
 
 use crate::inner::Inner;
 use crate::kinematics::{Frame, JointVector, tool_jacobian};
@@ -13,6 +13,7 @@ pub(crate) struct Situation {
     pub(crate) trial: u32,
     pub(crate) trial_start: u32,
     pub(crate) motion: Motion,
+    pub(crate) arrivals: Option<Arrivals>,
     pub(crate) refused: Refusals,
 }
 
@@ -34,6 +35,7 @@ pub(crate) fn report(inner: &mut Inner, obstacles: &[Cylinder], situation: Situa
         motion: situation.motion,
         at_rest: arm.is_at_rest(),
         obeys: inner.obeyed(),
+        arrivals: situation.arrivals,
         refused: situation.refused,
     }
 }

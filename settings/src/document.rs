@@ -96,11 +96,15 @@ impl Document {
 
     /// Reads a section under another name than its own: one of several that have the same keys, `[laws.a]`, `[laws.b]`.
     pub fn section_at<S: Section>(&self, section: &str) -> Result<S, Error> {
+        self.section_over(section, S::default())
+    }
+
+    /// The same where the keys that are absent are as in `settings`: a section for one case, beside one for all.
+    pub fn section_over<S: Section>(&self, section: &str, mut settings: S) -> Result<S, Error> {
         self.refuse_value(section)?;
         let keys = S::keys();
         let known = || keys.iter().map(|key| key.name.to_owned()).collect();
         self.refuse_strays(section, |name| keys.iter().any(|key| key.name == name), known)?;
-        let mut settings = S::default();
         for key in &keys {
             if let Some(found) = self.found(section, key.name) {
                 (key.read)(&mut settings, &found)?;

@@ -82,5 +82,5 @@ mod value;
 pub use document::{Document, Found};
 pub use error::{Error, Place};
 pub use limits::Limits;
-pub use section::{Key, Section, show};
+pub use section::{Key, Section, show, show_at};
 pub use value::{Choice, Value};

@@ -32,9 +32,14 @@ pub struct Key<S> {
 /// The section as commented TOML: for every key its documentation, what is allowed, the default where another value
 /// stands, and the value. Whatever a section has read, its print reads back the same.
 pub fn show<S: Section>(settings: &S) -> String {
+    show_at(S::NAME, settings)
+}
+
+/// The same under another name than its own: one of several that have the same keys.
+pub fn show_at<S: Section>(section: &str, settings: &S) -> String {
     let default = S::default();
     let mut text = comment(S::DOC);
-    text.push_str(&format!("[{}]\n", S::NAME));
+    text.push_str(&format!("[{section}]\n"));
     for key in S::keys() {
         let (value, usual) = ((key.write)(settings), (key.write)(&default));
         let allowed = key.allowed.map(|allowed| format!("allowed: {allowed}"));

@@ -170,10 +170,10 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
     let report = show.end();
     played?;
     report.print(flags.json, flags.rrd.as_deref(), &recording, began.elapsed());
-    Ok(if report.lost > 0 {
-        Outcome::SamplesLost
-    } else {
-        Outcome::Done
+    Ok(match report {
+        Report { was_there: false, .. } => Outcome::Failed,
+        Report { lost: 1.., .. } => Outcome::SamplesLost,
+        Report { .. } => Outcome::Done,
     })
 }
 
@@ -422,11 +422,13 @@ impl<'a> Show<'a> {
         self.bar.finish_and_clear();
         self.keyboard = None;
         self.late.sort_unstable();
+        let closing = self.target.close();
         Report {
             played: self.played,
             passes: self.passes,
             is_paced: self.player.speed() != Speed::Max,
-            lost: self.target.close(),
+            lost: closing.lost,
+            was_there: closing.was_there,
             late: self.late,
         }
     }

@@ -166,12 +166,21 @@ fn seeking_beyond_the_end_is_said_and_writes_nothing() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = written(folder.path(), "whole.mcap", session());
     let rrd = folder.path().join("x.rrd");
-    for place in [["--from", "1e9"], ["--from", "inf"], ["--until", "0"], ["--from", "-5"]] {
-        let arguments = ["replay", text(&file), "--rrd", text(&rrd), place[0], place[1]];
-        let output = tandem(&arguments);
+    let replay = |place: [&str; 2]| {
+        let output = tandem(&["replay", text(&file), "--rrd", text(&rrd), place[0], place[1]]);
         let said = said(&output);
         assert!(!said.contains("panicked"), "{place:?}: {said}");
-        assert!(matches!(output.status.code(), Some(0..=2)), "{place:?}: {said}");
+        (output.status.code(), said)
+    };
+    for place in [["--from", "1e9"], ["--from", "inf"]] {
+        let (code, said) = replay(place);
+        assert_eq!(code, Some(1), "{place:?}: {said}");
+        assert!(said.contains("nothing to play"), "{place:?}: {said}");
+        assert!(!rrd.exists(), "{place:?} writes a file");
+    }
+    for place in [["--until", "0"], ["--from", "-5"], ["--from", "NaN"]] {
+        let (code, said) = replay(place);
+        assert!(matches!(code, Some(0..=2)), "{place:?}: {said}");
     }
 }
 

@@ -3,7 +3,8 @@
 mod process;
 
 use std::io::{BufRead as _, BufReader, Read as _};
-use std::path::PathBuf;
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
@@ -13,7 +14,10 @@ use tandem_link::net::free_port;
 use tandem_link::{Link, LinkSettings, Observer, Sighting};
 use tandem_wire::{NodeName, Pace};
 
-const LIMIT: Duration = Duration::from_secs(20);
+/// How long anything may take that happens at once on an idle machine.
+const LIMIT: Duration = Duration::from_secs(30);
+/// How often we look.
+const LOOK: Duration = Duration::from_millis(50);
 
 /// One demo in lockstep, recorded once for all tests of this file.
 fn session() -> PathBuf {
@@ -32,11 +36,11 @@ fn session() -> PathBuf {
     folder.path().join("demo.mcap")
 }
 
-fn replay(endpoint: &str) -> Child {
+fn replay(arguments: &[&str]) -> Child {
     Command::new(env!("CARGO_BIN_EXE_tandem"))
         .arg("replay")
         .arg(session())
-        .args(["--robot", "ghost", "--connect", endpoint])
+        .args(arguments)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
@@ -44,17 +48,31 @@ fn replay(endpoint: &str) -> Child {
         .expect("tandem starts")
 }
 
+/// A replay under the name that all of these tests use.
+fn ghost(endpoint: &str) -> Child {
+    replay(&["--robot", "ghost", "--connect", endpoint])
+}
+
+/// Waits until `holds`, looking now and then; whether it ever did.
+fn eventually(mut holds: impl FnMut() -> bool) -> bool {
+    let limit = Instant::now() + LIMIT;
+    while Instant::now() < limit {
+        if holds() {
+            return true;
+        }
+        std::thread::sleep(LOOK);
+    }
+    false
+}
+
 /// Its exit code and what it said, or `None` for the code if it does not end in time.
 fn ended(mut child: Child) -> (Option<i32>, String) {
-    let limit = Instant::now() + LIMIT;
     let mut code = None;
-    while code.is_none() && Instant::now() < limit {
-        code = child
-            .try_wait()
-            .expect("our own child")
-            .and_then(|status| status.code());
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    eventually(|| {
+        let status = child.try_wait().expect("our own child");
+        code = status.and_then(|status| status.code());
+        status.is_some()
+    });
     let _ = child.kill();
     let mut said = String::new();
     let stderr = child.stderr.as_mut().expect("it is piped");
@@ -82,17 +100,18 @@ fn a_network_that_vanishes_ends_the_replay_in_words() {
         ..LinkSettings::default()
     });
     let observer = Observer::new(&router, Pace::Real).expect("an observer");
-    let child = replay(&endpoint);
+    let child = ghost(&endpoint);
     assert!(observer.next(LIMIT).is_some(), "it plays");
     router.close();
     let (code, said) = ended(child);
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("connected to has gone"), "{said}");
+    assert!(!said.contains("panicked"), "{said}");
 }
 
 #[test]
 fn nobody_at_the_other_end_does_not_hold_up_ctrl_c() {
-    let mut child = replay(&endpoint());
+    let mut child = ghost(&endpoint());
     let mut line = String::new();
     let stderr = child.stderr.as_mut().expect("it is piped");
     BufReader::new(stderr).read_line(&mut line).expect("text");
@@ -120,9 +139,65 @@ fn a_robot_that_is_alive_is_not_spoken_for() {
         matches!(alive, Some(Sighting::Presence { peer, alive: true }) if peer == expected),
         "{alive:?}"
     );
-    let (code, said) = ended(replay(&endpoint));
+    let (code, said) = ended(ghost(&endpoint));
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("a robot-sim is alive as \"ghost\""), "{said}");
     watcher.close();
     robot.end();
+}
+
+#[test]
+fn a_viewer_that_never_was_there_is_said_and_fails() {
+    let view = format!("--view=rerun+http://127.0.0.1:{}/proxy", free_port().expect("a port"));
+    let (code, said) = ended(replay(&[&view, "--speed", "max"]));
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("no viewer at rerun+http"), "{said}");
+}
+
+/// The program `rerun`, which keeps what it is sent in a file and needs no display.
+fn rerun() -> Option<PathBuf> {
+    let named = std::env::var_os("TANDEM_RERUN").map(PathBuf::from);
+    let paths = std::env::var_os("PATH").unwrap_or_default();
+    let mut on_path = std::env::split_paths(&paths).map(|folder| folder.join("rerun"));
+    let found = named.or_else(|| on_path.find(|path| path.is_file()));
+    if found.is_none() {
+        eprintln!("skipped: no program `rerun`; set TANDEM_RERUN to it (pip install rerun-sdk==0.36.3)");
+    }
+    found
+}
+
+fn viewer(program: &Path, file: &Path, port: u16) -> Child {
+    let viewer = Command::new(program)
+        .args(["--bind", "127.0.0.1", "--port", &port.to_string(), "--save"])
+        .arg(file)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn();
+    assert!(
+        eventually(|| TcpStream::connect(("127.0.0.1", port)).is_ok()),
+        "the viewer listens"
+    );
+    viewer.expect("rerun starts")
+}
+
+#[test]
+fn a_viewer_is_shown_all_and_one_that_is_killed_ends_the_replay_with_a_sentence() {
+    let Some(program) = rerun() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let (port, file) = (free_port().expect("a port"), folder.path().join("shown.rrd"));
+    let view = format!("--view=rerun+http://127.0.0.1:{port}/proxy");
+    let mut viewer = viewer(&program, &file, port);
+    let (code, said) = ended(replay(&[&view, "--speed", "max"]));
+    assert_eq!(code, Some(0), "{said}");
+    let length = || std::fs::metadata(&file).map_or(0, |file| file.len());
+    let before = length();
+    // It would go on for ever.
+    let child = replay(&[&view, "--loop"]);
+    assert!(eventually(|| length() > before), "the replay is shown");
+    viewer.kill().expect("our own child");
+    viewer.wait().expect("our own child");
+    let (code, said) = ended(child);
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("has gone: start it, and replay again"), "{said}");
 }

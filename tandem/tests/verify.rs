@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 use mcap::records::Metadata;
 use mcap::{Message, MessageStream, Summary, Writer};
 use serde_json::Value;
-use tandem_wire::{JournalBatch, decode};
+use tandem_wire::{Happening, JournalBatch, decode};
 
 /// Records a demo into `folder` and gives the file.
 fn demo(folder: &Path, flags: &[&str]) -> PathBuf {
@@ -93,6 +93,26 @@ fn parts(session: &Path, node: &str) -> Vec<(u64, u64)> {
         .collect()
 }
 
+/// How many messages of a topic a node says that it saw.
+fn inputs(session: &Path, node: &str, topic: &str) -> usize {
+    let bytes = std::fs::read(session).expect("the session file");
+    let messages = MessageStream::new(&bytes).expect("an MCAP file").map(Result::unwrap);
+    messages
+        .filter(|message| message.channel.topic.ends_with(&format!("/journal/{node}")))
+        .flat_map(|message| decode::<JournalBatch>(&message.data).expect("a part").body.entries)
+        .filter(|entry| matches!(&entry.what, Happening::Sample { topic: seen, .. } if seen.suffix() == topic))
+        .count()
+}
+
+/// How many messages of a topic the recorder heard.
+fn said(session: &Path, topic: &str) -> usize {
+    let bytes = std::fs::read(session).expect("the session file");
+    let messages = MessageStream::new(&bytes).expect("an MCAP file").map(Result::unwrap);
+    messages
+        .filter(|message| message.channel.topic.ends_with(&format!("/{topic}")))
+        .count()
+}
+
 /// A copy that lacks the part of a node's journal that begins with the entry `first`.
 fn without_part(session: &Path, node: &str, first: u64) -> PathBuf {
     let key = format!("/journal/{node}");
@@ -135,6 +155,19 @@ fn a_demo_in_lockstep_comes_out_the_same() {
 fn a_demo_in_real_time_comes_out_the_same() {
     let folder = tempfile::tempdir().expect("a folder");
     assert_identical(&demo(folder.path(), &["--pace", "real"]));
+}
+
+#[test]
+fn a_demo_on_a_line_that_loses_messages_comes_out_the_same() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let streams = "impairment.streams=[\"command\", \"setpoint\", \"state-to-operator\"]";
+    let line = ["--set", streams, "--set", "impairment.loss=0.05"];
+    let session = demo(folder.path(), &[&["--pace", "real"], &line[..]].concat());
+    // That messages were lost shows in what a node saw, which is fewer than were sent.
+    let seen = inputs(&session, "robot-sim", "setpoint");
+    let sent = said(&session, "setpoint");
+    assert!(0 < seen && seen + 5 < sent, "{seen} of {sent} came through");
+    assert_identical(&session);
 }
 
 #[test]

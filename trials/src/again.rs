@@ -131,6 +131,10 @@ impl<N: Ports> Again<N> {
                 alive: *alive,
             },
             Happening::Stop => Input::Stop,
+            Happening::Missed { topic, tick } => Input::Missed {
+                topic: *topic,
+                tick: *tick,
+            },
         };
         Ok(self.step(index, entry.at, input))
     }

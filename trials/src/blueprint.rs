@@ -8,7 +8,7 @@ use tandem_link::config::CrookedAxes;
 use tandem_operator::Operator;
 use tandem_predictor::{Predictor, UnfitModel};
 use tandem_robot_sim::{RobotSim, UnusableScene};
-use tandem_wire::{Pace, Session, TaskFrame, Timing};
+use tandem_wire::{Session, TaskFrame, Timing};
 
 use crate::Configuration;
 
@@ -37,9 +37,6 @@ pub enum Unbuildable {
     /// The predictor's model does not fit the task.
     #[error(transparent)]
     Predictor(#[from] UnfitModel),
-    /// A line that keeps samples back would stop a loop that waits for every one of them.
-    #[error("impairment.streams needs loop.pace = \"real\": in lockstep the loop would wait for ever for what is lost")]
-    ImpairedLockstep,
     /// There is no model.
     #[error("a predictor needs a model")]
     NoModel,
@@ -49,7 +46,7 @@ impl Blueprint {
     /// The blueprint of the nodes that number their messages in `session`; only a predictor needs the model.
     ///
     /// # Errors
-    /// If the task's axes do not span a plane, or a bad line is asked for in lockstep.
+    /// If the task's axes do not span a plane.
     pub fn new(configuration: Configuration, session: Session, model: Option<Model>) -> Result<Self, Unbuildable> {
         Self::with_models(configuration, session, model.map(Arc::new).into_iter().collect())
     }
@@ -57,15 +54,12 @@ impl Blueprint {
     /// The same with a model for each of several checkpoints, or none.
     ///
     /// # Errors
-    /// If the task's axes do not span a plane, or a bad line is asked for in lockstep.
+    /// If the task's axes do not span a plane.
     pub fn with_models(
         configuration: Configuration,
         session: Session,
         models: Vec<Arc<Model>>,
     ) -> Result<Self, Unbuildable> {
-        if configuration.rates.timing().pace == Pace::Lockstep && !configuration.impairment.streams.is_empty() {
-            return Err(Unbuildable::ImpairedLockstep);
-        }
         Ok(Self {
             session,
             timing: configuration.rates.timing(),

@@ -13,8 +13,10 @@ use tandem_wire::{Command, Happening, JournalBatch, NodeName, Setpoint, Stamp, S
 pub(crate) struct Latency {
     /// Command number → when it was published.
     published: BTreeMap<u64, Stamp>,
-    /// Setpoint number → the command it was made from, and when the setpoint reached the robot.
-    arrived: BTreeMap<u64, (u64, Stamp)>,
+    /// Setpoint number → the command it was made from.
+    made_from: BTreeMap<u64, u64>,
+    /// Command number → when the first setpoint made from it reached the robot; an arbiter may repeat it.
+    arrived: BTreeMap<u64, Stamp>,
     /// Setpoint number → how long the robot took from its arrival to the first inner tick under it.
     taken_up: BTreeMap<u64, u64>,
 }
@@ -53,8 +55,8 @@ impl Latency {
                     if let Ok(setpoint) = decode::<Setpoint>(bytes)
                         && let Some(command) = setpoint.body.command
                     {
-                        self.arrived
-                            .insert(setpoint.header.seq.0, (command.id.seq.0, entry.wall));
+                        self.made_from.insert(setpoint.header.seq.0, command.id.seq.0);
+                        self.arrived.entry(command.id.seq.0).or_insert(entry.wall);
                     }
                 }
                 _ => {}
@@ -77,8 +79,8 @@ impl Latency {
             .taken_up
             .iter()
             .filter_map(|(setpoint, taken_up)| {
-                let (command, arrived) = self.arrived.get(setpoint)?;
-                let published = self.published.get(command)?;
+                let command = self.made_from.get(setpoint)?;
+                let (published, arrived) = (self.published.get(command)?, self.arrived.get(command)?);
                 Some(seconds(arrived.since(*published) + taken_up) * 1e3)
             })
             .collect();

@@ -275,7 +275,11 @@ impl World {
             if !player.hears(topic) {
                 continue;
             }
-            if !line.befalls(topic) {
+            if line.is_bad() && self.timing.pace == Pace::Lockstep {
+                for arrival in line.arrive(self.now, topic, bytes.to_vec()) {
+                    player.take(arrival.at, arrival.input(), &mut self.said);
+                }
+            } else if !line.befalls(topic) {
                 player.take(self.now, Input::Sample { topic, bytes }, &mut self.said);
             } else if let Some(bytes) = line.take(self.now, topic, bytes.to_vec()) {
                 player.take(self.now, Input::Sample { topic, bytes: &bytes }, &mut self.said);

@@ -20,7 +20,7 @@ use crate::geometry::NOT_FINITE;
 use crate::{MessageId, Seq, Session, Stamp};
 
 /// The version of the byte layout. Changes with any change of a message.
-pub const VERSION: u8 = 2;
+pub const VERSION: u8 = 3;
 /// The length of the header.
 pub const HEADER_BYTES: usize = 32;
 

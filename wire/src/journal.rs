@@ -50,6 +50,13 @@ pub enum Happening {
         /// See [`snapshot`](crate::snapshot()).
         bytes: Vec<u8>,
     },
+    /// In lockstep: the sample of a tick did not come in time; see [`Input::Missed`].
+    Missed {
+        /// Whose sample.
+        topic: Topic,
+        /// Which tick's.
+        tick: u32,
+    },
 }
 
 impl From<Input<'_>> for Happening {
@@ -62,6 +69,7 @@ impl From<Input<'_>> for Happening {
             Input::Wake => Self::Wake,
             Input::Presence { peer, alive } => Self::Presence { peer, alive },
             Input::Stop => Self::Stop,
+            Input::Missed { topic, tick } => Self::Missed { topic, tick },
         }
     }
 }

@@ -41,8 +41,8 @@ pub use label::{LABEL_BYTES, Label};
 pub use lease::{Claim, Lease, Wish};
 pub use memory::{Memory, Remember, restore, snapshot};
 pub use messages::{
-    Body, Clearance, Command, Cylinder, Deadman, Forecast, ForecastPoint, Guidance, JOINTS, LINKS, Law, Limited,
-    NodeInfo, Numbering, Obeyed, Proposal, Scene, Setpoint, State, Trial, Used,
+    Arrivals, Body, Clearance, Command, Cylinder, Deadman, Forecast, ForecastPoint, Guidance, JOINTS, LINKS, Law,
+    Limited, NodeInfo, Numbering, Obeyed, Proposal, Scene, Setpoint, State, Trial, Used,
 };
 pub use node::{Input, Node, Outbox, Ports, Unreadable};
 pub use reason::{Motion, Reason};

@@ -192,6 +192,17 @@ pub struct Clearance {
     pub obstacle: u8,
 }
 
+/// How setpoints arrive at a robot that expects one every millisecond, as Franka's control interface counts them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode)]
+pub struct Arrivals {
+    /// The share of the last hundred milliseconds in which one arrived, 0 to 1; 0 while motion is held.
+    pub success_rate: Finite,
+    /// Milliseconds in a row without one, now.
+    pub missed: u32,
+    /// The longest such row since motion was last permitted.
+    pub longest: u32,
+}
+
 /// What the arm does.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct State {
@@ -219,6 +230,8 @@ pub struct State {
     pub at_rest: bool,
     /// The setpoint in force.
     pub obeys: Option<Obeyed>,
+    /// How setpoints arrive; `None` unless one is expected every millisecond.
+    pub arrivals: Option<Arrivals>,
     /// Messages that the robot dropped so far.
     pub refused: Refusals,
 }

@@ -84,6 +84,14 @@ pub enum Input<'a> {
     },
     /// The process is about to end: say goodbye.
     Stop,
+    /// In lockstep: the sample of a tick does not come now, because a bad line lost it or keeps it back. The tick is
+    /// answered without it; one that was kept back follows later as a [`Sample`](Self::Sample).
+    Missed {
+        /// Whose sample.
+        topic: Topic,
+        /// Which tick's.
+        tick: u32,
+    },
 }
 
 /// The bytes at a node's edge: inputs become events, outputs become samples. Pure, and total like the node.

@@ -52,6 +52,11 @@ pub enum Reason {
         /// Who stopped.
         by: Label,
     },
+    /// Setpoints were expected every millisecond, and so many in a row did not come.
+    SetpointsMissed {
+        /// How many.
+        in_a_row: u32,
+    },
 }
 
 impl fmt::Display for Reason {
@@ -69,6 +74,7 @@ impl fmt::Display for Reason {
             Self::TrialOver => f.write_str("the trial is over"),
             Self::NoTrial => f.write_str("no trial is running"),
             Self::ShuttingDown => f.write_str("the node is shutting down"),
+            Self::SetpointsMissed { in_a_row } => write!(f, "{in_a_row} setpoints in a row were missed"),
             Self::SecondOperator => f.write_str("another operator holds the lease"),
             Self::NoLease => f.write_str("nobody holds the lease"),
             Self::EmergencyStop { by, .. } if by.is_empty() => f.write_str("emergency stop"),

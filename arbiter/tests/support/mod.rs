@@ -50,6 +50,7 @@ pub(crate) fn state(seq: u64, tick: u32, tool: Vec3) -> Envelope<State> {
             motion: Motion::Held(Reason::NoSetpointYet),
             at_rest: false,
             obeys: None,
+            arrivals: None,
             refused: Refusals::default(),
         },
     }

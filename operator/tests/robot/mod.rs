@@ -72,6 +72,7 @@ impl Robot {
                 motion: self.motion,
                 at_rest: false,
                 obeys: self.obeys,
+                arrivals: None,
                 refused: Refusals::default(),
             },
         }

@@ -72,6 +72,7 @@ pub(crate) fn state(seq: u64, tick: u32, at: [f64; 2], motion: Motion) -> Envelo
         motion,
         at_rest: false,
         obeys: None,
+        arrivals: None,
         refused: Refusals::default(),
     };
     Envelope { header, body }

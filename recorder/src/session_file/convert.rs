@@ -194,6 +194,9 @@ impl From<&wire::Envelope<wire::State>> for State {
             motion: state.motion.into(),
             at_rest: state.at_rest,
             obeys: state.obeys.map(obeyed),
+            setpoint_success_rate: state.arrivals.map(|arrivals| arrivals.success_rate.0),
+            setpoints_missed: state.arrivals.map(|arrivals| arrivals.missed),
+            setpoints_missed_longest: state.arrivals.map(|arrivals| arrivals.longest),
             refused: (&state.refused).into(),
         }
     }

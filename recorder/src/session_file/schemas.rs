@@ -151,6 +151,9 @@ pub(super) struct State {
     pub(super) motion: Motion,
     pub(super) at_rest: bool,
     pub(super) obeys: Option<Obeyed>,
+    pub(super) setpoint_success_rate: Option<f64>,
+    pub(super) setpoints_missed: Option<u32>,
+    pub(super) setpoints_missed_longest: Option<u32>,
     pub(super) refused: Refusals,
 }
 

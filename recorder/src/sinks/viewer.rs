@@ -48,7 +48,8 @@ pub(super) struct ViewerSink {
 struct Attempt {
     phase: Arc<AtomicU8>,
     is_abandoned: Arc<AtomicBool>,
-    done: Receiver<()>,
+    /// Whether everything was shown, once it has ended.
+    done: Receiver<bool>,
 }
 
 const LOOKING: u8 = 0;
@@ -81,6 +82,12 @@ impl ViewerSink {
         let (history, shared) = (Arc::clone(&self.history), Arc::clone(&self.shared));
         self.attempt = Some(Attempt::start(self.url(), self.show.clone(), history, shared)?);
         Ok(())
+    }
+
+    /// Whether there will be somebody to show it to: one who listens, or whom we started and who has not failed.
+    fn is_coming(&mut self) -> bool {
+        let started = self.child.as_mut().map(Child::try_wait);
+        matches!(started, Some(Ok(None))) || program::is_listening(&self.url())
     }
 
     fn wait_for_answer(&mut self) {
@@ -132,14 +139,15 @@ impl Sink for ViewerSink {
 
     fn close(&mut self) -> Result<(), Notice> {
         self.history.end();
-        if let Some(attempt) = self.attempt.take() {
-            let is_shown = attempt.phase.load(Ordering::Relaxed) == SHOWING;
-            if is_shown {
-                // Whoever closes us has set a limit, and leaves this thread behind when it is reached.
-                attempt.done.recv().ok();
-            }
+        let Some(attempt) = self.attempt.take() else {
+            return Ok(());
+        };
+        let is_shown = attempt.phase.load(Ordering::Relaxed) == SHOWING;
+        // Whoever closes us has set a limit, and leaves this thread behind when it is reached.
+        if (is_shown || self.is_coming()) && attempt.done.recv().unwrap_or(false) {
+            return Ok(());
         }
-        Ok(())
+        Err(Notice::ViewerMissed { url: self.url() })
     }
 }
 
@@ -186,23 +194,24 @@ struct Worker {
 }
 
 impl Worker {
-    fn run(self, end: &Sender<()>) {
+    fn run(self, end: &Sender<bool>) {
         while !program::is_listening(&self.url) {
             if self.is_abandoned.load(Ordering::Relaxed) {
                 return;
             }
             after(LOOK_EVERY).recv().ok();
         }
+        let mut is_complete = false;
         if let Ok(connected) = StreamSink::connect(&self.url, &self.show, Arc::clone(&self.shared)) {
             self.phase.store(SHOWING, Ordering::Relaxed);
-            self.follow(connected).ok();
+            is_complete = self.follow(connected).unwrap_or(false);
         }
         self.phase.store(GONE, Ordering::Relaxed);
-        end.try_send(()).ok();
+        end.try_send(is_complete).ok();
     }
 
-    /// Shows the history to its end, or until the connection or the wish for it is lost.
-    fn follow(&self, connected: Connected) -> Result<(), Notice> {
+    /// Shows the history to its end, or until the connection or the wish for it is lost; whether to its end.
+    fn follow(&self, connected: Connected) -> Result<bool, Notice> {
         let Connected { mut sink, connection } = connected;
         sink.begin()?;
         let mut place = 0;
@@ -217,9 +226,10 @@ impl Worker {
             }
             place = page.next;
             if page.is_last {
-                return sink.close();
+                sink.close()?;
+                return Ok(!connection.is_lost());
             }
         }
-        Ok(())
+        Ok(false)
     }
 }

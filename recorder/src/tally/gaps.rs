@@ -40,10 +40,6 @@ impl Gaps {
         filled
     }
 
-    pub(super) fn clear(&mut self) {
-        self.ranges.clear();
-    }
-
     pub(super) fn ranges(&self) -> impl Iterator<Item = (u64, u64)> + '_ {
         self.ranges.iter().copied()
     }

@@ -162,6 +162,10 @@ pub(super) fn draw_state(state: &State, sheet: &mut Sheet<'_>) {
     if let Some(clearance) = state.closest.or(state.clearance) {
         sheet.plot("plots/clearance", clearance.distance.0 * 1e3);
     }
+    if let Some(arrivals) = &state.arrivals {
+        sheet.plot("plots/arrivals/success_rate", arrivals.success_rate.0);
+        sheet.plot("plots/arrivals/missed", f64::from(arrivals.missed));
+    }
 }
 
 pub(super) fn draw_latency(nanos: Nanos, sheet: &mut Sheet<'_>) {
@@ -211,11 +215,12 @@ impl Latency {
             .body
             .obeys
             .filter(|obeyed| obeyed.setpoint.motion.is_permitted())?;
-        let command = obeyed.setpoint.command?.id;
-        let index = self.commands.iter().position(|(id, _)| *id == command)?;
+        let command = obeyed.setpoint.command?;
+        let index = self.commands.iter().position(|(id, _)| *id == command.id)?;
         let (_, commanded) = self.commands.drain(..=index).next_back()?;
         let lasted = match self.pace {
-            Pace::Real => state.header.sent.since(obeyed.moved),
+            // A command that the arbiter repeats moved the arm when it was young.
+            Pace::Real => state.header.sent.since(obeyed.moved) + command.age,
             // Virtual time stands still while messages travel.
             Pace::Lockstep => 0,
         };

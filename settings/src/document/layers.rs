@@ -62,6 +62,11 @@ impl Document {
         }
     }
 
+    /// Whether a section is there, be it empty.
+    pub fn has_section(&self, section: &str) -> bool {
+        self.tables.contains_key(section)
+    }
+
     /// Where a key was given, its section in front; `None` if it was not.
     pub fn place_of(&self, key: &str) -> Option<&Place> {
         let (section, name) = key.rsplit_once('.').unwrap_or(("", key));

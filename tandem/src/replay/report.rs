@@ -13,6 +13,8 @@ pub(super) struct Report {
     pub(super) passes: u64,
     pub(super) is_paced: bool,
     pub(super) lost: u64,
+    /// Whether the target was there to the end.
+    pub(super) was_there: bool,
     /// How late each message was, sorted.
     pub(super) late: Vec<Nanos>,
 }
@@ -33,6 +35,7 @@ impl Report {
                 "messages_played": self.played,
                 "passes": self.passes,
                 "messages_lost": self.lost,
+                "target_was_there": self.was_there,
                 "wall_s": wall.as_secs_f64(),
                 "pacing_error_p50_ms": late[0],
                 "pacing_error_p99_ms": late[1],

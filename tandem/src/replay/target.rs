@@ -59,16 +59,22 @@ impl Target {
         }
     }
 
-    /// Ends it, and says how many messages were lost on the way.
-    pub(super) fn close(self) -> u64 {
+    /// Ends it, and says what became of it.
+    pub(super) fn close(self) -> Closing {
         match self {
             Self::View(screen) => screen.close(),
-            Self::Network(network) => {
-                network.link.close();
-                0
-            }
+            Self::Network(network) => network.close(),
         }
     }
+}
+
+/// How a target ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Closing {
+    /// Messages that were lost on the way.
+    pub(super) lost: u64,
+    /// Whether the target was there to the end.
+    pub(super) was_there: bool,
 }
 
 /// The recorder's own view, fed by a recorder that hears the session once more.
@@ -83,7 +89,7 @@ pub(super) struct Screen {
     waits: bool,
     is_file: bool,
     last: Stamp,
-    lost: u64,
+    closing: Closing,
 }
 
 impl Screen {
@@ -104,7 +110,10 @@ impl Screen {
             waits,
             is_file,
             last: Stamp(0),
-            lost: 0,
+            closing: Closing {
+                lost: 0,
+                was_there: true,
+            },
         })
     }
 
@@ -130,6 +139,7 @@ impl Screen {
         let notices = self.sinks.as_mut().map(Sinks::notices).unwrap_or_default();
         for notice in notices {
             if let Notice::ViewerGone { url } = notice {
+                self.closing.was_there = false;
                 bail!("the viewer at {url} has gone: start it, and replay again, with --from to go on");
             }
             eprintln!("replay: {notice}\r");
@@ -154,6 +164,7 @@ impl Screen {
     /// A new recording in the viewer: the old one keeps what was shown.
     fn begin_again(&mut self) -> anyhow::Result<()> {
         self.finish();
+        self.closing.was_there = true;
         self.provenance.epoch_unix_nanos += 1;
         self.sinks = Some(Sinks::open(&self.config, self.timing, &self.provenance)?);
         self.recorder = Recorder::new(self.timing);
@@ -165,25 +176,30 @@ impl Screen {
         // The last counts; a target that no longer takes them is said below.
         let _ = self.feed(self.last, Input::Stop);
         if let Some(sinks) = self.sinks.take() {
-            let closed = sinks.close(if self.is_file {
-                FILE_CLOSE_LIMIT
-            } else {
-                VIEWER_CLOSE_LIMIT
+            let closed = sinks.close(match self.is_file {
+                true => FILE_CLOSE_LIMIT,
+                // Said already, and nobody to wait for.
+                false if !self.closing.was_there => Duration::ZERO,
+                false => VIEWER_CLOSE_LIMIT,
             });
+            if !self.closing.was_there {
+                return;
+            }
             for notice in &closed.notices {
+                self.closing.was_there &= !matches!(notice, Notice::ViewerMissed { .. });
                 eprintln!("replay: {notice}\r");
             }
             let unfinished = closed.sinks.iter().filter(|ended| ended.messages.is_none());
             for ended in unfinished.clone() {
                 eprintln!("replay: {} did not take everything in time\r", ended.sink);
             }
-            self.lost += closed.drops.views.total() + unfinished.count() as u64;
+            self.closing.lost += closed.drops.views.total() + unfinished.count() as u64;
         }
     }
 
-    fn close(mut self) -> u64 {
+    fn close(mut self) -> Closing {
         self.finish();
-        self.lost
+        self.closing
     }
 }
 
@@ -255,6 +271,15 @@ impl Network {
         self.link
             .publish_as(&name, message.topic.delivery(), self.pace, bytes)
             .with_context(|| format!("cannot replay {}", message.topic))
+    }
+
+    /// It was looked at when the last message was played.
+    fn close(self) -> Closing {
+        self.link.close();
+        Closing {
+            lost: 0,
+            was_there: true,
+        }
     }
 
     /// A second pass is another run of its sender, or every receiver would drop it as late. The first travels as it was.

@@ -10,6 +10,7 @@ use tandem_link::{Clock, fresh_session};
 use tandem_operator::SourceKind;
 use tandem_trials::plan::{Condition, Participant, Plan, Slot};
 use tandem_trials::{Blueprint, Configuration};
+use tandem_wire::Stamp;
 
 use crate::configuration::BadConfiguration;
 use crate::shipped;
@@ -100,7 +101,11 @@ impl Prepared {
         // Every trial has a bad line of its own, the same under every condition that has this one.
         line.seed = (line.seed ^ slot.seed) & i64::MAX.unsigned_abs();
         // A plan tells outages from the trial's begin, which is about now; a receiver by its clock.
-        let now = Clock::of_process().now().seconds();
+        let now = match rates.pace {
+            PaceName::Real => Clock::of_process().now(),
+            PaceName::Max => Stamp::of_tick(begin.first_tick, rates.timing().period),
+        };
+        let now = now.seconds();
         for [begin, _] in &mut line.outages_s {
             *begin += now;
         }

@@ -58,6 +58,7 @@ impl Rig {
             motion: self.motion,
             at_rest: false,
             obeys: None,
+            arrivals: None,
             refused: Refusals::default(),
         };
         let header = Header::default();

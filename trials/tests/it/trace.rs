@@ -65,6 +65,7 @@ fn state(tick: u32, tool: Vec3) -> Envelope<State> {
         motion: DRIVING,
         at_rest: false,
         obeys: None,
+        arrivals: None,
         refused: Refusals::default(),
     };
     Envelope {

@@ -208,12 +208,79 @@ fn a_bad_line_slows_the_same_way_twice_and_a_long_outage_stops_the_arm() {
     assert!(cut.iter().any(|reason| reason.contains("commands stopped")), "{cut:?}");
 }
 
-#[test]
-fn a_bad_line_in_lockstep_is_refused_in_words() {
+/// Every stream in lockstep over a bad line; some of them late by more than a period.
+fn bad_lockstep(change: impl FnOnce(&mut tandem_link::ImpairmentSettings)) -> Blueprint {
+    use tandem_link::Direction::{Command, Proposal, Setpoint, StateToArbiter, StateToOperator, StateToPredictor};
     let mut configuration = configuration();
-    configuration.impairment.streams = vec![tandem_link::Direction::Command];
-    let refused = Blueprint::new(configuration, Session(7), None)
-        .err()
-        .expect("it is refused");
-    assert!(refused.to_string().contains("loop.pace"), "{refused}");
+    let line = &mut configuration.impairment;
+    line.streams = vec![
+        Command,
+        Proposal,
+        Setpoint,
+        StateToOperator,
+        StateToPredictor,
+        StateToArbiter,
+    ];
+    change(line);
+    blueprint(configuration)
+}
+
+#[test]
+fn a_trial_over_a_bad_line_in_lockstep_is_byte_for_byte_the_one_over_zenoh() {
+    let blueprint = bad_lockstep(|line| {
+        line.delay_ms = 20.0;
+        line.jitter_ms = 60.0;
+        line.loss = 0.05;
+        line.reorder = 0.05;
+    });
+    let (here, there) = (in_the_world(&blueprint), over_zenoh(&blueprint));
+    for topic in [
+        Topic::State,
+        Topic::Command,
+        Topic::Proposal,
+        Topic::Forecast,
+        Topic::Setpoint,
+    ] {
+        let (here, there) = (only(&here, topic), only(&there, topic));
+        let count = here.len().min(there.len());
+        assert!(here.len().abs_diff(there.len()) <= 1, "{topic}");
+        let differs = (0..count).find(|&at| here[at] != there[at]);
+        assert_eq!(differs, None, "{topic}");
+    }
+    assert!(only(&here, Topic::Setpoint).len() > 84);
+    assert!(here != in_the_world(&bad_lockstep(|_| {})), "the line does something");
+}
+
+#[test]
+fn commands_lost_in_a_row_stop_the_arm_by_virtual_time_and_say_why() {
+    let messages = in_the_world(&bad_lockstep(|line| {
+        line.streams = vec![tandem_link::Direction::Command];
+        line.outages_s = vec![[3.0, 0.5]];
+    }));
+    let setpoints = only(&messages, Topic::Setpoint);
+    let at = |tick: u32| {
+        let read = setpoints
+            .iter()
+            .filter_map(|bytes| decode::<tandem_wire::Setpoint>(bytes).ok());
+        let mut of_tick = read.filter(|setpoint| setpoint.header.tick == tick);
+        of_tick.next().expect("every tick is answered").body.motion
+    };
+    assert!(at(31).is_permitted(), "200 ms of silence are within the timeout");
+    let reason = at(32).reason().expect("300 ms are not").to_string();
+    assert!(reason.contains("commands stopped"), "{reason}");
+}
+
+#[test]
+fn setpoints_lost_in_a_row_stop_the_arm_by_its_own_watchdog() {
+    let messages = in_the_world(&bad_lockstep(|line| {
+        line.streams = vec![tandem_link::Direction::Setpoint];
+        line.outages_s = vec![[3.0, 0.5]];
+    }));
+    let states = only(&messages, Topic::State);
+    let read = states.iter().filter_map(|bytes| decode::<State>(bytes).ok());
+    let held = read.filter_map(|state| Some((state.header.tick, state.body.motion.reason()?.to_string())));
+    let lost: Vec<_> = held
+        .filter(|(_, reason)| reason.contains("setpoints stopped"))
+        .collect();
+    assert_eq!(lost.first().map(|(tick, _)| *tick), Some(32), "{lost:?}");
 }

@@ -50,6 +50,12 @@ impl StateGuard {
         Ok(())
     }
 
+    /// In lockstep: the state of a tick does not come now. Time has gone on all the same, so that the next one is not too
+    /// far ahead however many were lost.
+    pub const fn miss(&mut self, tick: u32) {
+        self.tick = tick;
+    }
+
     fn leap(&self, silent: Nanos) -> u32 {
         let passed = silent.checked_div(self.period).unwrap_or(0);
         LEAP.saturating_add(u32::try_from(passed).unwrap_or(u32::MAX))
@@ -123,6 +129,14 @@ mod tests {
             Err(Refusal::TooFarAhead)
         );
         assert_eq!(states.admit(at(1020), &header(3, 7 + 20 + 10)), Ok(()));
+    }
+
+    #[test]
+    fn in_lockstep_any_number_of_missed_states_may_be_followed_by_one() {
+        let mut states = StateGuard::new(&Timing::default().lockstep());
+        assert_eq!(states.admit(at(0), &header(1, 0)), Ok(()));
+        (1..60).for_each(|tick| states.miss(tick));
+        assert_eq!(states.admit(at(6000), &header(61, 60)), Ok(()));
     }
 
     #[test]

@@ -134,6 +134,11 @@ pub(crate) fn state() -> State {
             moved: Stamp(4_001_000_000),
             setpoint: setpoint(),
         }),
+        arrivals: Some(Arrivals {
+            success_rate: Finite(0.75),
+            missed: 3,
+            longest: 7,
+        }),
         refused: Refusals {
             count: 1,
             last: Some(Refusal::LoopTooOld),
@@ -221,6 +226,10 @@ pub(crate) fn journal() -> JournalBatch {
             }),
             entry(Happening::Stop),
             entry(Happening::Snapshot { bytes: vec![4, 5] }),
+            entry(Happening::Missed {
+                topic: Topic::Command,
+                tick: 41,
+            }),
         ],
     }
 }

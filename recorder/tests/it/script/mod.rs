@@ -236,6 +236,7 @@ impl Script {
             motion,
             at_rest: false,
             obeys: self.last_setpoint.map(obeyed),
+            arrivals: None,
             refused: Refusals::default(),
         }
     }

@@ -85,4 +85,10 @@ fn state(row: &mut Row, state: &State) {
     row.count("obeyed_setpoint_sequence", state.obeys.map(|obeys| obeys.id.seq.0));
     row.number("setpoint_arrived_s", state.obeys.map(|obeys| obeys.arrived.seconds()));
     row.number("setpoint_moved_s", state.obeys.map(|obeys| obeys.moved.seconds()));
+    let arrivals = state.arrivals;
+    row.number(
+        "setpoint_success_rate",
+        arrivals.map(|arrivals| arrivals.success_rate.0),
+    );
+    row.count("setpoints_missed", arrivals.map(|arrivals| arrivals.missed.into()));
 }
