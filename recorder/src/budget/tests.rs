@@ -61,6 +61,7 @@ fn state(seq: u64, sent: u64, obeys: Option<Obeyed>) -> Sample {
         motion: Motion::Held(Reason::NoTrial),
         at_rest: true,
         obeys,
+        arrivals: None,
         refused: Refusals::default(),
     };
     let header = header(ROBOT, seq, sent);
