@@ -376,6 +376,7 @@ HAPPENING = Enum(
     Stop=None,
     Output=TOPIC_BYTES,
     Snapshot=Struct("Snapshot", bytes=BYTES),
+    Missed=Struct("Missed", topic=TOPIC, tick=U32),
 )
 JOURNAL_ENTRY = Struct("JournalEntry", at=NANOS, wall=NANOS, what=HAPPENING)
 JOURNAL = Struct("JournalBatch", first=U64, lost=U64, entries=Many(JOURNAL_ENTRY))

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use tandem_wire::{
     Emergency, Envelope, Latch, MILLISECOND, Malformed, Memory, Motion, Node, Numbering, Outbox, Pace, Reason, Refusal,
-    Remember, Scene, Session, Setpoint, Stamp, State, Timing, Topic, Trial, Unreadable,
+    Refusals, Remember, Scene, Session, Setpoint, Stamp, State, Timing, Topic, Trial, Unreadable,
 };
 
 use crate::config::{LinkName, RobotSimSettings, Surroundings, UnusableScene};
@@ -120,6 +120,12 @@ impl RobotSim {
     #[must_use]
     pub const fn motion(&self) -> Motion {
         self.motion
+    }
+
+    /// What was dropped so far.
+    #[must_use]
+    pub fn refused(&self) -> Refusals {
+        self.hearing.refused()
     }
 
     /// Joint angles and speeds, for tests and simulations that look inside.

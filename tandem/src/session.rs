@@ -3,6 +3,7 @@
 mod export;
 mod family;
 mod info;
+mod stops;
 mod verdict;
 
 use std::path::{Path, PathBuf};
@@ -14,7 +15,7 @@ use tandem_recorder::{Recording, repair};
 use tandem_settings::Document;
 use tandem_wire::{Timing, Topic};
 
-use crate::Outcome;
+use crate::{Outcome, verify};
 use export::Format;
 pub(crate) use family::load;
 pub(crate) use family::parts;
@@ -37,6 +38,8 @@ pub(crate) enum SessionCommands {
     Info(InfoFlags),
     /// Writes what can be read of a damaged file into a whole one beside it.
     Repair(RepairFlags),
+    /// Executes the robot again and says when it stopped and why: what it had heard last, when it braked, when it stood.
+    Stops(StopsFlags),
     /// Writes tables, one row per message and one per tick, with units in the names of the columns.
     Export(ExportFlags),
 }
@@ -48,6 +51,18 @@ pub(crate) struct InfoFlags {
     /// Further parts of the same session, instead of those beside the first.
     more: Vec<PathBuf>,
     /// Prints one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args)]
+pub(crate) struct StopsFlags {
+    /// The session file; later parts of it beside it are read with it.
+    file: PathBuf,
+    /// Further parts of the same session, instead of those beside the first.
+    more: Vec<PathBuf>,
+    /// Prints one JSON array, an object per run of the robot. Times in it count from `heard_ns`, the arrival of the last
+    /// setpoint that let the arm move, on the robot's clock.
     #[arg(long)]
     json: bool,
 }
@@ -82,6 +97,11 @@ pub(crate) fn run(command: &SessionCommands) -> anyhow::Result<Outcome> {
             let verdict = verdict::find(&flags.file, &flags.more);
             info::print(&recording, &verdict, flags.json)?;
             Ok(Outcome::Done)
+        }
+        SessionCommands::Stops(flags) => {
+            let evidence = verify::read(&flags.file, &flags.more)?;
+            let whole = stops::print(&evidence, flags.json)?;
+            Ok(if whole { Outcome::Done } else { Outcome::Incomplete })
         }
         SessionCommands::Repair(flags) => mend(flags),
         SessionCommands::Export(flags) => {

@@ -6,6 +6,8 @@
 //! [`reexecute`](fn@reexecute) does the second: it feeds every node of a recording its own journal and says whether
 //! the same came out.
 //!
+//! [`stops`] says how a recorded robot stopped, to the millisecond.
+//!
 //! [`drive`] leads a live robot along a recorded path, as an operator's hand would.
 //!
 //! A [`Tracer`] follows one trial and makes a [`Trace`] of it; [`Measures`] are its figures.
@@ -38,6 +40,7 @@ pub mod report;
 pub mod run;
 mod smoothness;
 pub mod statistics;
+pub mod stops;
 pub mod sweep;
 pub mod trace;
 mod tracer;

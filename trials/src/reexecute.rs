@@ -128,7 +128,11 @@ pub(crate) fn configuration(recorded: &RecordedNode) -> Result<Configuration, Mi
     Ok(configuration)
 }
 
-fn blueprint(session: Session, recorded: &RecordedNode, models: Vec<Arc<Model>>) -> Result<Blueprint, Missing> {
+pub(crate) fn blueprint(
+    session: Session,
+    recorded: &RecordedNode,
+    models: Vec<Arc<Model>>,
+) -> Result<Blueprint, Missing> {
     let unreadable = |why: String| Missing::Buildable { why };
     Blueprint::with_models(configuration(recorded)?, session, models).map_err(|why| unreadable(why.to_string()))
 }

@@ -8,6 +8,7 @@ mod report;
 mod run;
 mod snapshots;
 mod statistics;
+mod stops;
 mod support;
 mod sweep;
 mod trace;
