@@ -114,17 +114,17 @@ fn journal(entries: Vec<(u64, Happening)>) -> Sample {
 /// State 1 at 0 ms reaches the operator at 4; its command leaves at 9 and reaches the arbiter at 12, who decides at
 /// 12.5; the robot has the setpoint at 13.5, moves at 15 and says so at 20.
 fn story() -> Vec<Sample> {
-    let ms = |millis: f64| (millis * MILLISECOND as f64) as u64;
+    let tenths = |count: u64| count * MILLISECOND / 10;
     let used = Used {
         id: id(OPERATOR, 5),
-        sent: Stamp(AT_OPERATOR + ms(9.0)),
-        age: ms(0.5),
+        sent: Stamp(AT_OPERATOR + tenths(90)),
+        age: tenths(5),
     };
     let decided = setpoint(used);
     let obeyed = Obeyed {
         id: id(ARBITER, 8),
-        arrived: Stamp(AT_ROBOT + ms(13.5)),
-        moved: Stamp(AT_ROBOT + ms(15.0)),
+        arrived: Stamp(AT_ROBOT + tenths(135)),
+        moved: Stamp(AT_ROBOT + tenths(150)),
         setpoint: decided,
     };
     let first = state(1, AT_ROBOT, None);
@@ -141,21 +141,21 @@ fn story() -> Vec<Sample> {
         first,
         journal(vec![
             (
-                AT_OPERATOR + ms(4.0),
+                AT_OPERATOR + tenths(40),
                 Happening::Sample {
                     topic: Topic::State,
                     bytes: travelled,
                 },
             ),
             (
-                AT_OPERATOR + ms(6.5),
+                AT_OPERATOR + tenths(65),
                 Happening::Sample {
                     topic: Topic::Device,
                     bytes: vec![],
                 },
             ),
             (
-                AT_OPERATOR + ms(9.0),
+                AT_OPERATOR + tenths(90),
                 Happening::Output {
                     topic: Topic::Command,
                     bytes: vec![],
@@ -163,14 +163,14 @@ fn story() -> Vec<Sample> {
             ),
         ]),
         Sample::Command(Envelope {
-            header: header(OPERATOR, 5, AT_OPERATOR + ms(9.0)),
+            header: header(OPERATOR, 5, AT_OPERATOR + tenths(90)),
             body: command,
         }),
         Sample::Setpoint(Box::new(Envelope {
-            header: header(ARBITER, 8, AT_ARBITER + ms(12.5)),
+            header: header(ARBITER, 8, AT_ARBITER + tenths(125)),
             body: decided,
         })),
-        state(2, AT_ROBOT + ms(20.0), Some(obeyed)),
+        state(2, AT_ROBOT + tenths(200), Some(obeyed)),
     ]
 }
 

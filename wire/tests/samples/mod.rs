@@ -242,6 +242,7 @@ pub(crate) const fn storage() -> Storage {
     }
 }
 
+#[allow(dead_code, reason = "the benchmark leaves it out")]
 pub(crate) fn clock() -> ClockReport {
     let peer = PeerClock {
         node: NodeName::RobotSim,
@@ -259,7 +260,8 @@ pub(crate) fn clock() -> ClockReport {
     ClockReport { peers: vec![peer] }
 }
 
-pub(crate) fn pong() -> Pong {
+#[allow(dead_code, reason = "the benchmark leaves it out")]
+pub(crate) const fn pong() -> Pong {
     Pong {
         heard: Stamp(4_099_900_000),
         unix_nanos: 1_700_000_000_000_000_000,
