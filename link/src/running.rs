@@ -9,7 +9,7 @@ use crate::Clock;
 use crate::config::ClockSettings;
 use crate::dropped::Dropped;
 use crate::faults::Faults;
-use crate::impairment::ImpairmentSettings;
+use crate::impairment::Impairments;
 use crate::journal::JournalReport;
 use crate::spool::SpoolOptions;
 
@@ -23,7 +23,7 @@ pub struct ShellOptions {
     /// In lockstep: the peers that must be there before the first step.
     pub await_peers: Vec<NodeName>,
     /// What befalls samples on their way to the node.
-    pub impairment: ImpairmentSettings,
+    pub impairment: Impairments,
     /// Where the journal is kept for a recorder that misses some of it.
     pub spool: SpoolOptions,
     /// What is lost on purpose.

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use tandem_link::{
-    Clock, ClockSettings, Faults, ImpairmentSettings, Link, Observer, ShellOptions, Sighting, SpoolOptions,
-    fresh_session, measure_clocks, spawn,
+    Clock, ClockSettings, Faults, Impairments, Link, Observer, ShellOptions, Sighting, SpoolOptions, fresh_session,
+    measure_clocks, spawn,
 };
 use tandem_wire::codec::to_bytes;
 use tandem_wire::{
@@ -29,7 +29,7 @@ fn options(session: Session) -> ShellOptions {
             ..ClockSettings::default()
         },
         faults: Faults::default(),
-        impairment: ImpairmentSettings::default(),
+        impairment: Impairments::default(),
         queue: ShellOptions::QUEUE,
     }
 }

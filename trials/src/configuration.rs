@@ -1,7 +1,7 @@
 //! Everything that can be set, checked.
 
 use tandem_arbiter::ArbiterSettings;
-use tandem_link::{ClockSettings, ImpairmentSettings, LinkSettings, LoopSettings, TaskSettings};
+use tandem_link::{ClockSettings, Impairments, LinkSettings, LoopSettings, TaskSettings};
 use tandem_operator::{HumanSettings, OperatorSettings};
 use tandem_predictor::PredictorSettings;
 use tandem_recorder::RecorderSettings;
@@ -17,8 +17,8 @@ pub struct Configuration {
     pub link: LinkSettings,
     /// How clocks are watched.
     pub clock: ClockSettings,
-    /// A bad line, on purpose.
-    pub impairment: ImpairmentSettings,
+    /// Bad lines, on purpose.
+    pub impairment: Impairments,
     /// Rates, limits in time and the seed.
     pub rates: LoopSettings,
     /// Where the task lies.
@@ -41,10 +41,16 @@ pub struct Configuration {
 
 impl Configuration {
     /// The sections it is read from.
-    pub const SECTIONS: [&'static str; 12] = [
+    pub const SECTIONS: [&'static str; 18] = [
         LinkSettings::NAME,
         ClockSettings::NAME,
-        ImpairmentSettings::NAME,
+        Impairments::SECTIONS[0],
+        Impairments::SECTIONS[1],
+        Impairments::SECTIONS[2],
+        Impairments::SECTIONS[3],
+        Impairments::SECTIONS[4],
+        Impairments::SECTIONS[5],
+        Impairments::SECTIONS[6],
         LoopSettings::NAME,
         TaskSettings::NAME,
         OperatorSettings::NAME,
@@ -72,7 +78,7 @@ impl Configuration {
         let configuration = Self {
             link: document.section()?,
             clock: document.section()?,
-            impairment: document.section()?,
+            impairment: Impairments::from_document(document)?,
             rates: document.section()?,
             task: document.section()?,
             operator: document.section()?,
@@ -93,7 +99,7 @@ impl Configuration {
         [
             show(&self.link),
             show(&self.clock),
-            show(&self.impairment),
+            self.impairment.to_toml(),
             show(&self.rates),
             show(&self.task),
             show(&self.operator),
