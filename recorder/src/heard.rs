@@ -3,8 +3,8 @@
 use std::fmt;
 
 use tandem_wire::{
-    Claim, Command, Emergency, Envelope, Forecast, Header, JournalBatch, NodeInfo, NodeName, Proposal, Scene, Setpoint,
-    Stamp, State, Topic, Trial, encode,
+    Claim, ClockReport, Command, Emergency, Envelope, Forecast, Header, JournalBatch, NodeInfo, NodeName, Proposal,
+    Scene, Setpoint, Stamp, State, Topic, Trial, encode,
 };
 
 use crate::tally::Counts;
@@ -58,6 +58,8 @@ pub enum Sample {
     Journal(JournalPart),
     /// How to build a node again.
     Info(NodeName, Envelope<NodeInfo>),
+    /// What a node knows of its peers' clocks.
+    Clock(NodeName, Envelope<ClockReport>),
 }
 
 /// Part of a node's journal.
@@ -109,6 +111,7 @@ impl Sample {
             Self::Emergency(_) => Topic::Emergency,
             Self::Journal(part) => Topic::Journal(part.node),
             Self::Info(node, _) => Topic::Info(*node),
+            Self::Clock(node, _) => Topic::Clock(*node),
         }
     }
 
@@ -127,6 +130,7 @@ impl Sample {
             Self::Emergency(message) => &message.header,
             Self::Journal(part) => &part.header,
             Self::Info(_, message) => &message.header,
+            Self::Clock(_, message) => &message.header,
         }
     }
 
@@ -145,6 +149,7 @@ impl Sample {
             Self::Trial(message) => encode(message, &mut bytes),
             Self::Claim(message) => encode(message, &mut bytes),
             Self::Emergency(message) => encode(message, &mut bytes),
+            Self::Clock(_, message) => encode(message, &mut bytes),
             Self::Journal(_) | Self::Info(..) => return None,
         }
         Some((self.topic(), bytes))
@@ -159,6 +164,7 @@ impl Sample {
             Self::Forecast(message) => size_of_val(message.body.points.as_slice()),
             Self::Journal(part) => part.bytes.len(),
             Self::Info(_, message) => message.body.model.len() + message.body.config.len(),
+            Self::Clock(_, message) => size_of_val(message.body.peers.as_slice()),
             _ => 0,
         };
         size_of::<Heard>() + behind

@@ -13,6 +13,7 @@ use tandem_wire::{
 use crate::filling::Filling;
 use crate::heard::{Entry, Heard, JournalPart, Level, Note, Sample};
 use crate::tally::{Place, Tally};
+use crate::watch::ClockWatch;
 use notes::{forecast_note, info, motion_note, same_motion, warning};
 use rights::Rights;
 
@@ -79,6 +80,7 @@ pub struct Recorder {
     rights: Rights,
     sayings: Numbering,
     storage: Storage,
+    clocks: ClockWatch,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -116,6 +118,7 @@ impl Recorder {
             rights: Rights::default(),
             sayings: Numbering::new(Session(0)),
             storage: Storage::default(),
+            clocks: ClockWatch::default(),
         }
     }
 
@@ -140,6 +143,7 @@ impl Recorder {
         }
         if self.timing.pace == Pace::Real && matches!(place, Place::Next | Place::AfterGap(_)) {
             self.tally.time(now, topic, &header);
+            self.tally.budget(&sample);
         }
         if let Sample::Journal(part) = &sample {
             self.filling.hear(now, part, outbox);
@@ -156,6 +160,7 @@ impl Recorder {
             (Sample::Forecast(message), _) => vec![forecast_note(&message.body)],
             (Sample::Claim(message), _) => self.rights.hear_claim(message).into_iter().collect(),
             (Sample::Emergency(message), _) => self.rights.hear_emergency(message).into_iter().collect(),
+            (Sample::Clock(NodeName::Recorder, message), _) => self.clocks.hear(&message.body),
             _ => Vec::new(),
         };
         self.pass_on(now, header.tick, sample, place, outbox);
@@ -180,7 +185,7 @@ impl Recorder {
     /// Everything is written, in the order it came; only what is new to the eye is shown.
     fn pass_on(&self, now: Stamp, tick: u32, sample: Sample, place: Place, outbox: &mut Outbox<Output>) {
         let fresh = matches!(place, Place::Next | Place::AfterGap(_));
-        let visible = fresh && !matches!(sample, Sample::Journal(_) | Sample::Info(..));
+        let visible = fresh && !matches!(sample, Sample::Journal(_) | Sample::Info(..) | Sample::Clock(..));
         let heard = Arc::new(self.heard(now, tick, Entry::Sample(sample)));
         if visible {
             outbox.push(Output::Show(Arc::clone(&heard)));

@@ -29,6 +29,11 @@ impl Ports for Recorder {
         Topic::Info(NodeName::Arbiter),
         Topic::Info(NodeName::RobotSim),
         Topic::Info(NodeName::Recorder),
+        Topic::Clock(NodeName::Operator),
+        Topic::Clock(NodeName::Predictor),
+        Topic::Clock(NodeName::Arbiter),
+        Topic::Clock(NodeName::RobotSim),
+        Topic::Clock(NodeName::Recorder),
         // What the shell finds when it looks at the session file; it stays in this process.
         Topic::Device,
     ];
@@ -91,7 +96,8 @@ fn sample(topic: Topic, bytes: &[u8]) -> Result<Sample, Malformed> {
         Topic::Info(node) => Sample::Info(node, decode(bytes)?),
         Topic::Lease => Sample::Claim(decode(bytes)?),
         Topic::Emergency => Sample::Emergency(decode(bytes)?),
-        Topic::Alive(_) | Topic::Device | Topic::Storage => {
+        Topic::Clock(node) => Sample::Clock(node, decode(bytes)?),
+        Topic::Alive(_) | Topic::Device | Topic::Storage | Topic::Ping(_) => {
             return Err(Malformed::Topic);
         }
     })

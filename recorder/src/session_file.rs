@@ -9,6 +9,7 @@
 //! | `…/command`, `proposal`, `forecast`, `setpoint`, `state`, `scene`, `trial` | ours | the message of that name |
 //! | `…/lease`, `estop` | ours | who wants to drive; who stopped the robot or cleared that |
 //! | `…/counts` | ours | what was missed, unreadable or dropped, every second |
+//! | `…/clock/<node>` | ours | what that node knows of its peers' clocks, every second |
 //! | `…/frames` | `foxglove.FrameTransforms` | state: links, flange and tool in the base |
 //! | `…/tool_pose` | `foxglove.PoseInFrame` | state |
 //! | `…/forecast_path` | `foxglove.PosesInFrame` | forecast |
@@ -290,6 +291,9 @@ impl<W: Write + Seek> SessionFile<W> {
             Sample::Scene(message) => self.write_scene(times, message),
             Sample::Journal(part) => self.put_journal(times, part),
             Sample::Info(node, message) => self.keep_info(times, *node, &message.body),
+            Sample::Clock(node, message) => {
+                self.put(clock_channel(*node), times, &schemas::ClockReport::new(*node, message))
+            }
         }
     }
 
@@ -416,6 +420,17 @@ impl<W: Write + Seek> SessionFile<W> {
             sequence: u32::try_from(seq.0 & u64::from(u32::MAX)).expect("masked to 32 bits"),
             session: standard::timestamp(epoch.saturating_add(heard.session_time.0)),
         }
+    }
+}
+
+/// A channel's name is known when the program is built.
+const fn clock_channel(node: NodeName) -> &'static str {
+    match node {
+        NodeName::Operator => "clock/operator",
+        NodeName::Predictor => "clock/predictor",
+        NodeName::Arbiter => "clock/arbiter",
+        NodeName::RobotSim => "clock/robot-sim",
+        NodeName::Recorder => "clock/recorder",
     }
 }
 

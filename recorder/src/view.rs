@@ -10,10 +10,12 @@
 //! | `plan/…` | the same from above: to the right is the base's y, downwards its x |
 //! | `plots/…` | numbers over time |
 //! | `lanes/…` | who drives, why motion is held, who holds the lease, which trial |
+//! | `budget` | where the time goes: every hop of the loop, and the clocks |
 //! | `now` | the situation in a line of words |
 //! | `log` | the notes |
 
 mod arm;
+mod budget;
 mod colours;
 mod interval;
 pub(crate) mod layout;
@@ -140,6 +142,7 @@ impl View {
     pub fn opening() -> Vec<Drawing> {
         let mut drawings = vec![fixed("world", &rerun::ViewCoordinates::RIGHT_HAND_Z_UP())];
         drawings.extend(plots::styles());
+        drawings.extend(budget::styles());
         drawings
     }
 
@@ -171,7 +174,10 @@ impl View {
         let mut sheet = Sheet::new(moment, drawings);
         match &heard.entry {
             Entry::Note(note) => self.log.draw(heard.at, note, &mut sheet),
-            Entry::Counts(counts) => plots::draw_counts(counts, drops, &mut sheet),
+            Entry::Counts(counts) => {
+                plots::draw_counts(counts, drops, &mut sheet);
+                budget::draw(counts, &mut sheet);
+            }
             Entry::Sample(sample) => self.draw_sample(heard.at, sample, &mut sheet),
         }
     }
@@ -195,7 +201,7 @@ impl View {
             Sample::Trial(message) => self.draw_trial(at, &message.body, sheet),
             // A lease shows in setpoints, an emergency stop in the reasons for which motion is held; both in the log.
             Sample::Claim(_) | Sample::Emergency(_) => {}
-            Sample::Proposal(_) | Sample::Journal(_) | Sample::Info(..) => {}
+            Sample::Proposal(_) | Sample::Journal(_) | Sample::Info(..) | Sample::Clock(..) => {}
         }
     }
 

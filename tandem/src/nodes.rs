@@ -20,7 +20,7 @@ use tandem_wire::{NodeName, Trial};
 use crate::configuration::{self, BadConfiguration, CommonFlags};
 use crate::parts::{CLOSE_LIMIT, LOOP, Parts, lost};
 use crate::trial::TrialMarks;
-use crate::{Outcome, forecast, interrupt, keys, shipped};
+use crate::{Outcome, interrupt, keys, shipped};
 
 /// Flags that say whom to talk to.
 #[derive(Args, Clone, Debug)]
@@ -417,10 +417,7 @@ pub(crate) fn predictor(flags: &PredictorFlags) -> anyhow::Result<Outcome> {
         .as_ref()
         .map(|path| ("predictor.model", path.display().to_string()));
     let configuration = flags.node.configuration(model.as_slice())?;
-    let model = match configuration.predictor.model.as_str() {
-        "" => shipped::model()?,
-        path => forecast::load(&PathBuf::from(path))?,
-    };
+    let model = shipped::model_or(&configuration.predictor.model)?;
     let parts = Parts::new(configuration, Some(model))?;
     serve(&parts, NodeName::Predictor, Parts::predictor)
 }

@@ -58,7 +58,7 @@ fn the_plans_that_ship_pass_their_check() {
     let inside = "10 interpolated, 4 extrapolated";
     for (plan, trials, contexts) in [
         ("plans/paper.toml", "28", inside),
-        ("plans/beyond.toml", "126", inside),
+        ("plans/beyond.toml", "140", inside),
         ("plans/lossy.toml", "48", "5 interpolated, 3 extrapolated"),
     ] {
         let output = tandem(&["trial", "check", text(&examples(plan))]);

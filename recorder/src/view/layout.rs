@@ -267,9 +267,21 @@ impl Sketch<'_> {
             self.plot("Speeds, m/s", "plots/effort", None, 1.0)?,
             self.plot("Clearance, mm", "plots/clearance", None, 1.0)?,
             self.plot("Command to motion, ms", "plots/latency", None, 1.0)?,
+            self.plot("Hops, p95, ms", "plots/hops", None, 1.0)?,
+            self.budget(1.0)?,
             self.plot("Lost messages", "plots/lost", None, 1.0)?,
         ];
         self.container(ContainerKind::Tabs, "Effort and margins", &tabs, share)
+    }
+
+    fn budget(&mut self, share: f32) -> RecordingStreamResult<Part> {
+        self.view(&ViewSpec {
+            class: "TextDocument",
+            name: "Latency budget",
+            origin: "budget",
+            share,
+            properties: &[],
+        })
     }
 
     /// A plot over the whole session, so that all of them share their time axis.
@@ -340,7 +352,9 @@ impl Sketch<'_> {
 /// Where a plot's names hide least: what a forecast brings begins late, the others end low.
 fn free_corner(origin: &str) -> Corner2D {
     match origin {
-        "plots/interval" | "plots/ratio" | "plots/across" | "plots/latency" | "plots/lost" => Corner2D::LeftTop,
+        "plots/interval" | "plots/ratio" | "plots/across" | "plots/latency" | "plots/hops" | "plots/lost" => {
+            Corner2D::LeftTop
+        }
         _ => Corner2D::RightTop,
     }
 }

@@ -1,6 +1,7 @@
 //! What a person wants to know of a session file.
 
 mod facts;
+mod latency;
 
 use serde_json::{Value, json};
 use tandem_recorder::{Gap, Recording};
@@ -9,6 +10,7 @@ use tandem_wire::Topic;
 use super::verdict::Known;
 use crate::table;
 use facts::{Event, Facts, Stop};
+use latency::{HopRead, OffsetRead};
 
 pub(super) fn print(recording: &Recording, verdict: &Known, as_json: bool) -> anyhow::Result<()> {
     let facts = Facts::of(recording);
@@ -68,6 +70,8 @@ fn json(recording: &Recording, facts: &Facts, verdict: &Known) -> Value {
         "gaps": gaps.collect::<Vec<_>>(),
         "gaps_forgotten": recording.counts.gaps_forgotten,
         "clocks": clocks.collect::<Vec<_>>(),
+        "offsets": facts.offsets.iter().map(OffsetRead::json).collect::<Vec<_>>(),
+        "latency": facts.hops.iter().map(HopRead::json).collect::<Vec<_>>(),
         "closed": facts.is_closed,
         "dropped_before_file": facts.dropped,
         "stops": stops.collect::<Vec<_>>(),
@@ -106,6 +110,7 @@ fn text(recording: &Recording, facts: &Facts, verdict: &Known) -> String {
     );
     rows.extend(stop_rows(&facts.stops).into_iter().map(|row| ("stops", row)));
     rows.extend(gap_rows(recording).into_iter().map(|row| ("missing", row)));
+    rows.extend(facts.hops.iter().map(|hop| ("latency", hop.row())));
     rows.extend(clock_rows(facts).into_iter().map(|row| ("clock", row)));
     rows.extend(facts.trouble.iter().map(|trouble| ("recorder", trouble.clone())));
     rows.extend(recording.damage.iter().map(|damage| ("damage", damage.to_string())));
@@ -207,7 +212,19 @@ fn clock_rows(facts: &Facts) -> Vec<String> {
             ms(clock.most.saturating_sub(clock.least)),
         )
     };
-    facts.clocks.iter().map(row).collect()
+    // The recorder's own measurements; a bound from one way stands in where there is none.
+    let measured: Vec<&OffsetRead> = facts
+        .offsets
+        .iter()
+        .filter(|offset| offset.observer == "recorder")
+        .collect();
+    let is_measured = |node: &str| measured.iter().any(|offset| offset.node == node);
+    let bounds = facts.clocks.iter().filter(|clock| !is_measured(clock.node.as_str()));
+    measured
+        .iter()
+        .map(|offset| offset.row())
+        .chain(bounds.map(row))
+        .collect()
 }
 
 /// Every channel with its rate and what is missing from it.

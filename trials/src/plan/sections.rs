@@ -141,6 +141,8 @@ settings! {
         pub demonstrations: Vec<String> = [];
         /// The step at which its checkpoint lies; its context is where the demonstrations are then.
         pub checkpoint_step: usize = 41, in 1..=100_000;
+        /// Whether it is conditioned anew on every tick after its checkpoint, from where the tool is then.
+        pub replan: bool = false;
         /// The seed of its weights and its jitter.
         pub seed: u64 = 1;
     }

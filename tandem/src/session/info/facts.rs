@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use tandem_recorder::{ClockOffset, Level, NodeRecord, Noted, Recording};
 use tandem_wire::{Pace, Topic, Trial, decode, keys, seconds};
 
+use super::latency::{self, HopRead, OffsetRead};
 use crate::session::timing;
 
 pub(super) struct Facts {
@@ -22,6 +23,10 @@ pub(super) struct Facts {
     pub(super) trouble: Vec<String>,
     /// Nothing in lockstep, where stamps are no times.
     pub(super) clocks: Vec<ClockOffset>,
+    /// The clocks as measured both ways.
+    pub(super) offsets: Vec<OffsetRead>,
+    /// Where the time went.
+    pub(super) hops: Vec<HopRead>,
     /// Whether the counts were written at the end.
     pub(super) is_closed: bool,
     /// Messages dropped before the file, as its last counts say.
@@ -70,6 +75,8 @@ impl Facts {
             emergencies: events(recording, "operator", "emergency stop"),
             trouble: trouble(recording),
             clocks: recording.counts.clocks.iter().filter(|_| is_paced).copied().collect(),
+            offsets: latency::offsets(&recording.closing),
+            hops: latency::hops(&recording.closing),
             is_closed: recording.closing.get("closed").is_some_and(|closed| closed == "true"),
             dropped: recording.closing.get(DROPPED).and_then(|number| number.parse().ok()),
             dropped_by_channel: dropped_by_channel(recording),
