@@ -34,6 +34,7 @@
 #![warn(missing_docs)]
 
 mod arm;
+mod budget;
 mod config;
 mod evidence;
 mod filling;
@@ -46,7 +47,9 @@ mod sinks;
 mod tally;
 mod urdf;
 mod view;
+mod watch;
 
+pub use budget::{Basis, Budget, Hop, HopBudget, Offset, Percentiles};
 pub use config::{BadSettings, Live, RecorderConfig, RecorderSettings, ViewTarget};
 pub use evidence::{Evidence, Fault, NoEvidence, RecordedNode, Run};
 pub use heard::{Entry, Heard, JournalPart, Level, Note, Sample};
