@@ -10,27 +10,29 @@
 //!     24      4  T, steps
 //!     28      4  zero
 //!     32      8  length of the payload
-//!     40      …  payload: bincode 2, little endian, fixed-width integers
+//!     40      …  payload: bincode 2, little endian, fixed-width integers; in layout 2, that of a model that is
+//!                conditioned anew, what its contexts are compared with comes last
 //!     end    32  SHA-256 of everything before
 //! ```
 //! All integers are little endian. A file is taken apart from the outside in: magic, version, length, hash, payload,
 //! shapes, numbers. Each refusal says what was found, and whatever passes can be run without a further check.
 
-use std::sync::OnceLock;
+mod stored;
 
 use sha2::{Digest, Sha256};
 
-use crate::interval::Calibration;
-use crate::model::{Facts, Model, Provenance};
-use crate::readout::Readout;
-use crate::reservoir::{Reservoir, StoredReservoir};
-use crate::settings::Settings;
-use crate::triangle::{StoredTriangle, Triangle};
+use crate::model::Model;
+use crate::replan::Conditions;
+use crate::reservoir::StoredReservoir;
+use crate::triangle::StoredTriangle;
+use stored::Stored;
 
 /// The first bytes of a model file.
 pub const MAGIC: [u8; 8] = *b"\x89CESN\r\n\x1a";
-/// The layout this version writes and reads.
+/// The layout of a model of one checkpoint.
 pub const VERSION: u32 = 1;
+/// The layout of a model that is conditioned anew, which programs that know only the other must not run.
+pub const REPLANNING_VERSION: u32 = 2;
 /// The largest model file; a dense reservoir of the largest size stays below it.
 pub const MAX_BYTES: usize = 256 << 20;
 const HEADER: usize = 40;
@@ -66,12 +68,12 @@ pub enum ArtefactError {
     },
     /// It was written in another layout, most likely by a later version.
     #[error(
-        "the model file has layout version {found}; this program reads only {supported}; update it, or train again"
+        "the model file has layout version {found}; this program reads up to {supported}; update it, or train again"
     )]
     Version {
         /// The file's version.
         found: u32,
-        /// The version read here.
+        /// The newest version read here.
         supported: u32,
     },
     /// It is, or says it is, larger than any model.
@@ -99,18 +101,6 @@ pub enum ArtefactError {
     },
 }
 
-/// The payload, in the order it is written.
-#[derive(bincode::Encode, bincode::Decode)]
-struct Stored {
-    settings: Settings,
-    facts: Facts,
-    provenance: Provenance,
-    reservoir: StoredReservoir,
-    w_out: Vec<f64>,
-    triangle: StoredTriangle,
-    calibration: Calibration,
-}
-
 impl Model {
     /// The model as a file; see the [module page](self) for the layout.
     #[must_use]
@@ -124,8 +114,11 @@ impl Model {
             triangle: StoredTriangle::from(&self.triangle),
             calibration: self.calibration.clone(),
         };
-        let payload = bincode::encode_to_vec(stored, encoding())
-            .expect("vectors of numbers and text always encode into growing memory");
+        let payload = match &self.conditions {
+            None => bincode::encode_to_vec(stored, encoding()),
+            Some(conditions) => bincode::encode_to_vec((stored, conditions), encoding()),
+        };
+        let payload = payload.expect("vectors of numbers and text always encode into growing memory");
         let mut bytes = Vec::with_capacity(HEADER + payload.len() + HASH);
         bytes.extend(self.header(payload.len()));
         bytes.extend(payload);
@@ -139,8 +132,14 @@ impl Model {
     /// Whenever the bytes are not exactly what [`Self::to_bytes`] writes for a usable model.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ArtefactError> {
         let content = open(bytes)?;
-        let decoded = bincode::decode_from_slice::<Stored, _>(&content[HEADER..], encoding());
-        let (stored, used) = decoded.map_err(|error| ArtefactError::Payload {
+        let payload = &content[HEADER..];
+        let decoded = if content[8..12] == REPLANNING_VERSION.to_le_bytes() {
+            bincode::decode_from_slice::<(Stored, Conditions), _>(payload, encoding())
+                .map(|((stored, conditions), used)| (stored, Some(conditions), used))
+        } else {
+            bincode::decode_from_slice::<Stored, _>(payload, encoding()).map(|(stored, used)| (stored, None, used))
+        };
+        let (stored, conditions, used) = decoded.map_err(|error| ArtefactError::Payload {
             reason: error.to_string(),
         })?;
         if used != content.len() - HEADER {
@@ -148,7 +147,7 @@ impl Model {
                 reason: "bytes are left over".to_owned(),
             });
         }
-        let model = stored.into_model()?;
+        let model = stored.into_model(conditions)?;
         if model.header(used)[..] != content[..HEADER] {
             return Err(inconsistent("the header says other shapes than the payload"));
         }
@@ -197,9 +196,14 @@ impl Model {
             self.steps(),
             0,
         ];
+        let version = if self.conditions.is_some() {
+            REPLANNING_VERSION
+        } else {
+            VERSION
+        };
         let mut header = [0; HEADER];
         header[..8].copy_from_slice(&MAGIC);
-        header[8..12].copy_from_slice(&VERSION.to_le_bytes());
+        header[8..12].copy_from_slice(&version.to_le_bytes());
         for (place, shape) in header[12..32].chunks_exact_mut(4).zip(shapes) {
             place.copy_from_slice(&u32::try_from(shape).unwrap_or(u32::MAX).to_le_bytes());
         }
@@ -238,10 +242,10 @@ fn open(bytes: &[u8]) -> Result<&[u8], ArtefactError> {
             .fold(0_u64, |number, byte| number << 8 | u64::from(*byte)))
     };
     let version = u32::try_from(number(8, 4)?).unwrap_or(u32::MAX);
-    if version != VERSION {
+    if ![VERSION, REPLANNING_VERSION].contains(&version) {
         return Err(ArtefactError::Version {
             found: version,
-            supported: VERSION,
+            supported: REPLANNING_VERSION,
         });
     }
     let payload = number(32, 8)?;
@@ -266,118 +270,6 @@ fn open(bytes: &[u8]) -> Result<&[u8], ArtefactError> {
     } else {
         Err(ArtefactError::Damaged)
     }
-}
-
-impl Stored {
-    /// Builds the model, checking every shape and number that a forecast relies on.
-    fn into_model(self) -> Result<Model, ArtefactError> {
-        let settings = self.settings;
-        settings.check().map_err(|error| inconsistent(error.to_string()))?;
-        let reservoir = Reservoir::try_from(self.reservoir).map_err(|error| inconsistent(error.to_string()))?;
-        let triangle = Triangle::try_from(self.triangle).map_err(inconsistent)?;
-        let outputs = self.facts.output_columns.len();
-        let readout = Readout::new(outputs, self.w_out).ok_or_else(|| inconsistent("the readout has no rows"))?;
-        check_facts(&self.facts, &settings, &reservoir)?;
-        let columns = reservoir.units() + 1;
-        require(readout.columns() == columns, "the readout does not fit the reservoir")?;
-        require(
-            triangle.size() == columns,
-            "the triangular factor does not fit the reservoir",
-        )?;
-        require(
-            readout.weights().iter().all(|w| w.is_finite()),
-            "the readout holds a number that is not finite",
-        )?;
-        check_calibration(&self.calibration, &self.facts)?;
-        Ok(Model {
-            settings,
-            facts: self.facts,
-            provenance: self.provenance,
-            reservoir,
-            readout,
-            triangle,
-            calibration: self.calibration,
-            hash: OnceLock::new(),
-        })
-    }
-}
-
-fn check_facts(facts: &Facts, settings: &Settings, reservoir: &Reservoir) -> Result<(), ArtefactError> {
-    let (contexts, outputs) = (facts.context_columns.len(), facts.output_columns.len());
-    let fed_back = if facts.feedback.is_some() { outputs } else { 0 };
-    require(
-        settings.units == reservoir.units(),
-        "the settings name another number of units",
-    )?;
-    require(
-        reservoir.inputs() == contexts + fed_back,
-        "the reservoir does not fit the columns",
-    )?;
-    require(
-        (2..=MAX_STEPS).contains(&facts.steps),
-        "the number of steps is out of range",
-    )?;
-    require(
-        settings.checkpoint_step < facts.steps - 1,
-        "the checkpoint lies outside the movement",
-    )?;
-    require(
-        facts.period_s.is_finite() && facts.period_s > 0.0,
-        "the period is not positive",
-    )?;
-    let scale_fits = |scale: &crate::Scale, length: usize| {
-        scale.mean.len() == length
-            && scale.mean.iter().all(|x| x.is_finite())
-            && scale.half_range.is_finite()
-            && scale.half_range > 0.0
-    };
-    require(
-        contexts > 0 && scale_fits(&facts.context_scale, contexts),
-        "the context scale does not fit",
-    )?;
-    if let Some(feedback) = &facts.feedback {
-        let start = feedback.start.len() == outputs && feedback.start.iter().all(|x| x.is_finite());
-        require(
-            start && scale_fits(&feedback.scale, outputs),
-            "the feedback scale does not fit",
-        )?;
-    }
-    let counts = [facts.lambda, facts.effective_rows, facts.edf];
-    require(
-        counts.iter().all(|x| x.is_finite() && *x >= 0.0),
-        "a fact of training is not a number from 0 up",
-    )
-}
-
-fn check_calibration(calibration: &Calibration, facts: &Facts) -> Result<(), ArtefactError> {
-    let outputs = facts.output_columns.len();
-    let usable =
-        |numbers: &[f64], length: usize| numbers.len() == length && numbers.iter().all(|x| x.is_finite() && *x >= 0.0);
-    let scalars = [
-        calibration.confidence,
-        calibration.nu,
-        calibration.t_quantile,
-        calibration.rho_hi,
-    ];
-    require(usable(&scalars, 4), "a number of the calibration is not usable")?;
-    require(
-        calibration.rho_hi >= crate::interval::SMALLEST_RHO_HI,
-        "rho_hi is below its least value",
-    )?;
-    require(usable(&calibration.s, outputs), "the spread does not fit the outputs")?;
-    let left_out = calibration.s_lodo.as_deref();
-    require(
-        left_out.is_none_or(|s| usable(s, outputs)),
-        "the left-out spread does not fit the outputs",
-    )?;
-    require(
-        usable(&calibration.training_leverages, facts.steps),
-        "the training leverages do not fit the steps",
-    )
-}
-
-fn require(holds: bool, what: &str) -> Result<(), ArtefactError> {
-    if holds { Ok(()) } else { Err(inconsistent(what)) }
 }
 
 fn inconsistent(what: impl Into<String>) -> ArtefactError {

@@ -19,6 +19,7 @@ pub struct Forecast {
     mean: Vec<f64>,
     half_width: Vec<f64>,
     ratio: Vec<f64>,
+    leverage: Vec<f64>,
 }
 
 impl Forecast {
@@ -58,6 +59,12 @@ impl Forecast {
         self.ratio.get(step.checked_sub(self.first_step)?).copied()
     }
 
+    /// `h = zᵀ A⁻¹ z` at `step`.
+    #[must_use]
+    pub fn leverage(&self, step: usize) -> Option<f64> {
+        self.leverage.get(step.checked_sub(self.first_step)?).copied()
+    }
+
     /// The mean of the ratio over all steps forecast.
     #[must_use]
     pub fn mean_ratio(&self) -> f64 {
@@ -73,6 +80,7 @@ impl Forecast {
         (self.first_step, self.outputs) = (first_step, outputs);
         self.mean.resize(steps * outputs, 0.0);
         self.half_width.resize(steps * outputs, 0.0);
+        self.leverage.resize(steps, 0.0);
         self.ratio.resize(steps, 0.0);
     }
 
@@ -151,6 +159,7 @@ pub struct Forecaster {
     input: Vec<f64>,
     before: Vec<f64>,
     tile: Vec<[f64; LANES]>,
+    context_time: Option<f64>,
     forecast: Forecast,
 }
 
@@ -165,6 +174,7 @@ impl Forecaster {
             input: vec![0.0; model.reservoir().inputs()],
             before: vec![0.0; model.outputs()],
             tile: vec![[0.0; LANES]; model.triangle.padded()],
+            context_time: None,
             forecast,
         }
     }
@@ -221,8 +231,7 @@ impl Forecaster {
                 steps,
             });
         }
-        check_context(model, context)?;
-        self.start(model, context);
+        self.start(model, context)?;
         self.forecast.resize(first_step, steps - first_step, outputs);
         for step in 0..steps {
             self.feed(model, measured, step);
@@ -238,7 +247,7 @@ impl Forecaster {
         }
     }
 
-    fn start(&mut self, model: &Model, context: &[f64]) {
+    fn start(&mut self, model: &Model, context: &[f64]) -> Result<(), ForecastError> {
         if self.state.activations().len() != model.reservoir().units() {
             self.state = model.reservoir().rest();
         }
@@ -247,8 +256,10 @@ impl Forecaster {
         self.input.resize(model.reservoir().inputs(), 0.0);
         self.before.resize(model.outputs(), 0.0);
         self.state.rest();
-        model.facts.context_scale.apply(context, &mut self.input);
+        set_context(model, context, &mut self.input)?;
+        self.context_time = model.context_time(context);
         model.reservoir().hold(&mut self.state, &self.input);
+        Ok(())
     }
 
     /// Sets the fed-back half of the input: measured while there is any, the model's own after that.
@@ -296,19 +307,31 @@ impl Forecaster {
             for k in 0..outputs {
                 self.forecast.half_width[row * outputs + k] = model.calibration().half_width(k, *leverage);
             }
-            self.forecast.ratio[row] = model.calibration().ratio(self.forecast.first_step + row, *leverage);
+            let step = self.forecast.first_step + row;
+            self.forecast.leverage[row] = *leverage;
+            self.forecast.ratio[row] = model.ratio(self.context_time, step, *leverage);
         }
         self.tile.fill([0.0; LANES]);
     }
 }
 
-pub(crate) fn check_context(model: &Model, context: &[f64]) -> Result<(), ForecastError> {
+/// Writes the context as the reservoir hears it to the front of `input`.
+pub(crate) fn set_context(model: &Model, context: &[f64], input: &mut [f64]) -> Result<(), ForecastError> {
     let scale = &model.facts.context_scale;
     let (found, expected) = (context.len(), scale.mean.len());
     if found != expected {
         return Err(ForecastError::ContextDimension { found, expected });
     }
-    check_reach(context, scale, model.context_columns())
+    let held = &mut input[..expected];
+    match &model.conditions {
+        None => held.copy_from_slice(context),
+        Some(conditions) => conditions.relative(context, model.period_s(), scale.half_range, held),
+    }
+    check_reach(held, scale, model.context_columns())?;
+    for (held, mean) in held.iter_mut().zip(&scale.mean) {
+        *held = (*held - mean) / scale.half_range;
+    }
+    Ok(())
 }
 
 pub(crate) fn check_output(model: &Model, row: &[f64]) -> Result<(), ForecastError> {

@@ -5,7 +5,8 @@
 //! ratio(t) = √((1 + h) / (1 + h_train(t)))
 //! ```
 //! `h_train(t)` is the largest `h` of the clean demonstrations at step `t`. In the ratio of a half-width to the
-//! largest one in training, confidence, spread and axis cancel: it measures novelty and nothing else.
+//! largest one in training, confidence, spread and axis cancel: it measures novelty and nothing else. A model that is
+//! conditioned anew compares with the same step under the same condition's time instead ([`crate::replan`]).
 
 use crate::quantile::student_t_quantile;
 use crate::settings::IntervalKind;
@@ -73,8 +74,13 @@ impl Calibration {
             .or(self.training_leverages.last())
             .copied()
             .unwrap_or(0.0);
-        ((1.0 + leverage) / (1.0 + training)).sqrt()
+        novelty(leverage, training)
     }
+}
+
+/// How much wider an interval with `leverage` is than one with the leverage of `training`.
+pub(crate) fn novelty(leverage: f64, training: f64) -> f64 {
+    ((1.0 + leverage) / (1.0 + training)).sqrt()
 }
 
 /// The interval of one state, and the room to compute the next without allocating.

@@ -67,6 +67,7 @@ pub mod quantile;
 mod random;
 mod readout;
 pub mod regression;
+pub mod replan;
 pub mod reservoir;
 pub mod samples;
 mod scale;

@@ -3,8 +3,9 @@
 use std::sync::OnceLock;
 
 use crate::forecast::{Forecast, ForecastError, Forecaster};
-use crate::interval::{Calibration, Interval};
+use crate::interval::{Calibration, Interval, novelty};
 use crate::readout::Readout;
+use crate::replan::Conditions;
 use crate::reservoir::{Reservoir, State};
 use crate::scale::Scale;
 use crate::settings::{Settings, Warning};
@@ -20,6 +21,8 @@ pub struct Model {
     pub(crate) readout: Readout,
     pub(crate) triangle: Triangle,
     pub(crate) calibration: Calibration,
+    /// For a model that is conditioned anew: what its contexts are compared with.
+    pub(crate) conditions: Option<Conditions>,
     pub(crate) hash: OnceLock<[u8; 32]>,
 }
 
@@ -83,8 +86,26 @@ impl Model {
     }
 
     /// The interval of one state at `step`, written over an earlier one without allocating. Costs `p² / 2` products.
+    /// Its ratio is that of [`Calibration::ratio`], whenever the condition was.
     pub fn interval_into(&self, state: &State, step: usize, interval: &mut Interval) {
         interval.set(&self.triangle, &self.calibration, state.activations(), step);
+    }
+
+    /// How much wider than in training an interval with `leverage` is at `step` under `context`: with conditions at
+    /// several times, than under one at this context's time.
+    pub(crate) fn ratio(&self, context_time: Option<f64>, step: usize, leverage: f64) -> f64 {
+        let conditions = self.conditions.as_ref().zip(context_time);
+        let training = conditions.and_then(|(conditions, time)| conditions.training_leverage(time, step));
+        match training {
+            Some(training) => novelty(leverage, training),
+            None => self.calibration.ratio(step, leverage),
+        }
+    }
+
+    /// When a context was, in steps; none for a model of one checkpoint, which knows.
+    pub(crate) fn context_time(&self, context: &[f64]) -> Option<f64> {
+        self.conditions.as_ref()?;
+        Some(context.first()? / self.period_s())
     }
 
     /// `y = W_out [1; x]`, written to `y`.
@@ -102,6 +123,10 @@ impl Model {
     #[must_use]
     pub fn warnings(&self) -> Vec<Warning> {
         let mut warnings = self.settings.warnings();
+        if self.conditions.is_some() {
+            // Its copies have targets of their own.
+            warnings.retain(|warning| !matches!(warning, Warning::JitterGain { .. }));
+        }
         let (low, high) = crate::evidence::LAMBDA_RANGE;
         let lambda = self.facts.lambda;
         if self.settings.ridge == crate::Ridge::Evidence && (lambda < 1.02 * low || lambda > 0.98 * high) {
@@ -176,10 +201,16 @@ impl Model {
         self.settings.checkpoint_step
     }
 
-    /// The checkpoint plane: the mean of the demonstrations' first context coordinate.
+    /// The checkpoint plane: the mean of the demonstrations' first context coordinate; of one that is conditioned anew,
+    /// of their first output at the checkpoint's step.
     #[must_use]
     pub fn checkpoint_plane(&self) -> f64 {
-        self.facts.context_scale.mean.first().copied().unwrap_or(0.0)
+        let conditioned = self.conditions.as_ref().map(|conditions| {
+            let first = self.settings.checkpoint_step * self.outputs();
+            conditions.mean_path.get(first)
+        });
+        let mean = conditioned.unwrap_or(self.facts.context_scale.mean.first());
+        mean.copied().unwrap_or(0.0)
     }
 
     /// How contexts are normalised; its mean is the centre of what the model knows.

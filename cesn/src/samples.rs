@@ -20,6 +20,14 @@ pub struct Sequence {
     pub weight: f64,
     /// Which demonstration it belongs to; a jittered copy belongs to its original's. Never decreasing in a list.
     pub demonstration: usize,
+    /// Its first step that is learnt, unless the washout is longer.
+    pub from: usize,
+}
+
+impl Sequence {
+    fn skipped(&self, washout: usize) -> usize {
+        self.from.max(washout)
+    }
 }
 
 /// The weighted rows of the regression, `√w · [1; x]` and `√w · y`, grouped by demonstration.
@@ -48,18 +56,21 @@ impl Samples {
         washout: usize,
     ) -> Result<Self, FitError> {
         let lengths = check(reservoir, sequences, outputs)?;
-        let kept = |length: usize| length.saturating_sub(washout);
-        let firsts: Vec<usize> = lengths
-            .iter()
-            .scan(0, |next, length| Some(replace_add(next, kept(*length))))
+        let kept = sequences.iter().zip(&lengths);
+        let kept: Vec<usize> = kept
+            .map(|(one, length)| length.saturating_sub(one.skipped(washout)))
             .collect();
-        let n: usize = lengths.iter().map(|length| kept(*length)).sum();
+        let firsts: Vec<usize> = kept
+            .iter()
+            .scan(0, |next, kept| Some(replace_add(next, *kept)))
+            .collect();
+        let n: usize = kept.iter().sum();
         if n == 0 {
             return Err(FitError::NoSamples { washout });
         }
         let mut samples = Self::empty(reservoir.units() + 1, n, outputs);
-        for ((sequence, first), length) in sequences.iter().zip(&firsts).zip(&lengths) {
-            samples.add_targets(sequence, *first, kept(*length), washout);
+        for ((sequence, first), kept) in sequences.iter().zip(&firsts).zip(&kept) {
+            samples.add_targets(sequence, *first, *kept, washout);
         }
         for (sequences, firsts) in sequences.chunks(8).zip(firsts.chunks(8)) {
             match sequences.len() {
@@ -82,7 +93,7 @@ impl Samples {
     fn add_targets(&mut self, sequence: &Sequence, first: usize, kept: usize, washout: usize) {
         let outputs = self.targets.ncols();
         let root = sequence.weight.sqrt();
-        let rows = sequence.targets.chunks_exact(outputs).skip(washout);
+        let rows = sequence.targets.chunks_exact(outputs).skip(sequence.skipped(washout));
         for (row, target) in (first..first + kept).zip(rows) {
             for (k, value) in target.iter().enumerate() {
                 self.targets[(row, k)] = root * value;
@@ -112,10 +123,10 @@ impl Samples {
             for (b, sequence) in batch
                 .iter()
                 .enumerate()
-                .filter(|(b, _)| (washout..lengths[*b]).contains(&t))
+                .filter(|(b, one)| (one.skipped(washout)..lengths[*b]).contains(&t))
             {
                 let root = sequence.weight.sqrt();
-                let column = self.design.col_as_slice_mut(firsts[b] + t - washout);
+                let column = self.design.col_as_slice_mut(firsts[b] + t - sequence.skipped(washout));
                 column[0] = root;
                 column[1..].iter_mut().zip(&x).for_each(|(z, x)| *z = root * x[b]);
             }

@@ -1,6 +1,6 @@
 //! Running a model one step at a time, with its own or the measured output fed back.
 
-use crate::forecast::{ForecastError, check_context, check_output};
+use crate::forecast::{ForecastError, check_output, set_context};
 use crate::interval::Interval;
 use crate::model::Model;
 use crate::reservoir::State;
@@ -30,6 +30,7 @@ pub struct Step {
 pub struct Stepper {
     state: State,
     input: Vec<f64>,
+    context_time: Option<f64>,
     step: Step,
     next: usize,
 }
@@ -40,9 +41,8 @@ impl Stepper {
     /// # Errors
     /// When the context does not fit the model.
     pub fn new(model: &Model, context: &[f64]) -> Result<Self, ForecastError> {
-        check_context(model, context)?;
         let mut input = vec![0.0; model.reservoir().inputs()];
-        model.facts.context_scale.apply(context, &mut input);
+        set_context(model, context, &mut input)?;
         let mut state = model.reservoir().rest();
         model.reservoir().hold(&mut state, &input);
         let mean = model
@@ -54,6 +54,7 @@ impl Stepper {
         Ok(Self {
             state,
             input,
+            context_time: model.context_time(context),
             step: Step {
                 index: 0,
                 mean,
@@ -83,7 +84,9 @@ impl Stepper {
         self.step.index = self.next;
         self.step.mean.resize(model.outputs(), 0.0);
         model.read(&self.state, &mut self.step.mean);
-        model.interval_into(&self.state, self.next, &mut self.step.interval);
+        let interval = &mut self.step.interval;
+        model.interval_into(&self.state, self.next, interval);
+        interval.ratio = model.ratio(self.context_time, self.next, interval.leverage);
         self.next += 1;
         Ok(&self.step)
     }

@@ -1,6 +1,10 @@
 //! From demonstrations to a model: check them against each other, normalise, copy with jitter, harvest, solve.
 
+mod error;
+
 use std::sync::OnceLock;
+
+pub use error::TrainError;
 
 use crate::demonstration::Demonstration;
 use crate::forecast::{ForecastError, Forecaster};
@@ -9,114 +13,15 @@ use crate::model::{Facts, FeedbackFacts, Model, Provenance, Source};
 use crate::random::{generator, normal};
 use crate::readout::Readout;
 use crate::regression::{Fit, FitError};
-use crate::reservoir::{Reservoir, ReservoirError};
+use crate::reservoir::Reservoir;
 use crate::samples::{Samples, Sequence};
 use crate::scale::{Scale, ends_of_principal_axis};
 use crate::seeded::Shape;
-use crate::settings::{IntervalKind, Settings, SettingsError};
+use crate::settings::{IntervalKind, Settings};
 use crate::triangle::Triangle;
 
 /// How far from the mean context `ρ_hi` is measured, in half-ranges of the demonstrations.
-const RHO_HI_REACH: f64 = 2.0;
-
-/// Why a model cannot be trained.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum TrainError {
-    /// Fewer than two demonstrations.
-    #[error("{found} demonstration(s): at least two with different contexts are needed, or nothing can be generalised")]
-    TooFewDemonstrations {
-        /// How many were given.
-        found: usize,
-    },
-    /// Two demonstrations name different columns.
-    #[error("{other} has the columns {found}, but {first} has {expected}; give all demonstrations the same header")]
-    DifferentColumns {
-        /// The first demonstration.
-        first: String,
-        /// The one that differs.
-        other: String,
-        /// The first one's columns.
-        expected: String,
-        /// The other one's columns.
-        found: String,
-    },
-    /// Two demonstrations have different lengths.
-    #[error("{other} has {found} steps, but {first} has {expected}; resample them to one length")]
-    DifferentLengths {
-        /// The first demonstration.
-        first: String,
-        /// The one that differs.
-        other: String,
-        /// The first one's steps.
-        expected: usize,
-        /// The other one's steps.
-        found: usize,
-    },
-    /// Two demonstrations have different clocks.
-    #[error("{other} has a step every {found_s} s, but {first} every {expected_s} s; resample them to one period")]
-    DifferentPeriods {
-        /// The first demonstration.
-        first: String,
-        /// The one that differs.
-        other: String,
-        /// The first one's period.
-        expected_s: f64,
-        /// The other one's period.
-        found_s: f64,
-    },
-    /// All contexts are the same, or too large to subtract.
-    #[error("the contexts of the demonstrations do not differ; a model of one condition has nothing to interpolate")]
-    ContextsDoNotVary,
-    /// State feedback of an output that never moves.
-    #[error("the outputs of the demonstrations do not vary, so they cannot be fed back")]
-    OutputsDoNotVary,
-    /// Too many contexts and outputs.
-    #[error("{contexts} context and {outputs} output columns are more than the reservoir takes")]
-    TooManyColumns {
-        /// Context columns.
-        contexts: usize,
-        /// Output columns.
-        outputs: usize,
-    },
-    /// The checkpoint leaves nothing to forecast.
-    #[error("checkpoint_step {checkpoint_step} leaves nothing to forecast in {steps} steps; it must be below {}", steps.saturating_sub(1))]
-    Checkpoint {
-        /// The setting.
-        checkpoint_step: usize,
-        /// Steps of the demonstrations.
-        steps: usize,
-    },
-    /// The reservoir given does not fit the settings.
-    #[error(
-        "the reservoir has {units} units and {inputs} inputs; the settings ask for {wanted_units} and {wanted_inputs}"
-    )]
-    OtherReservoir {
-        /// Units it has.
-        units: usize,
-        /// Inputs it has.
-        inputs: usize,
-        /// Units asked for.
-        wanted_units: usize,
-        /// Inputs asked for.
-        wanted_inputs: usize,
-    },
-    /// No demonstration can be predicted from the others, so the robust interval has no width.
-    #[error("leaving a demonstration out has no answer here; choose a larger ridge or the paper's interval")]
-    LeaveOneOut,
-    /// A setting is out of range.
-    #[error(transparent)]
-    Settings(#[from] SettingsError),
-    /// The reservoir cannot be made.
-    #[error(transparent)]
-    Reservoir(#[from] ReservoirError),
-    /// The regression has no answer.
-    #[error(transparent)]
-    Fit(#[from] FitError),
-    /// The trained model cannot forecast its own conditions.
-    #[error("the trained model fails on its own conditions")]
-    Forecast(#[from] ForecastError),
-}
+pub(crate) const RHO_HI_REACH: f64 = 2.0;
 
 impl Model {
     /// Draws a reservoir from the seed and trains on `demonstrations`.
@@ -125,7 +30,7 @@ impl Model {
     /// When the demonstrations do not fit each other, a setting is out of range, or the regression has no answer.
     pub fn train(demonstrations: &[Demonstration], settings: &Settings) -> Result<Self, TrainError> {
         let first = check(demonstrations, settings)?;
-        let reservoir = Reservoir::from_seed(&shape(first, settings), settings.seed)?;
+        let reservoir = Reservoir::from_seed(&shape(first, settings, first.context().len()), settings.seed)?;
         Self::train_with(reservoir, demonstrations, settings)
     }
 
@@ -139,7 +44,7 @@ impl Model {
         settings: &Settings,
     ) -> Result<Self, TrainError> {
         let first = check(demonstrations, settings)?;
-        let wanted = shape(first, settings);
+        let wanted = shape(first, settings, first.context().len());
         if (reservoir.units(), reservoir.inputs()) != (wanted.units, wanted.inputs) {
             let (units, inputs) = (reservoir.units(), reservoir.inputs());
             let (wanted_units, wanted_inputs) = (wanted.units, wanted.inputs);
@@ -163,28 +68,24 @@ impl Model {
         if settings.interval == IntervalKind::Robust && fit.left_out.is_none() {
             return Err(TrainError::LeaveOneOut);
         }
-        let facts = Facts {
-            context_columns: first.context_columns().to_vec(),
-            output_columns: first.output_columns().to_vec(),
-            steps: first.steps(),
-            period_s: first.period_s().unwrap_or(settings.period_s),
-            context_scale,
-            feedback,
-            lambda: fit.lambda,
-            effective_rows: fit.effective_rows,
-            edf: fit.edf,
-        };
-        Self::assemble(reservoir, fit, facts, demonstrations, settings)
+        let facts = facts(first, settings, context_scale, feedback, &fit);
+        let copies = settings.jitter.map_or(0, |jitter| jitter.copies);
+        let leverages = training_leverages(&fit.leverages, facts.steps, settings.washout, copies);
+        let provenance = Provenance::of(demonstrations);
+        let mut model = Self::assemble(reservoir, fit, facts, provenance, leverages, settings)?;
+        model.calibration.rho_hi = model.measure_rho_hi(demonstrations)?;
+        Ok(model)
     }
 
-    fn assemble(
+    /// The parts as a model, whose `ρ_hi` is still to be measured.
+    pub(crate) fn assemble(
         reservoir: Reservoir,
         fit: Fit,
         facts: Facts,
-        demonstrations: &[Demonstration],
+        provenance: Provenance,
+        training_leverages: Vec<f64>,
         settings: &Settings,
     ) -> Result<Self, TrainError> {
-        let copies = settings.jitter.map_or(0, |jitter| jitter.copies);
         let no_freedom = FitError::NoDegreesOfFreedom {
             effective_rows: fit.effective_rows,
             edf: fit.edf,
@@ -194,7 +95,7 @@ impl Model {
             kind: settings.interval,
             nu: fit.nu,
             t_quantile: Calibration::t_quantile(settings.confidence, fit.nu).ok_or(no_freedom)?,
-            training_leverages: training_leverages(&fit.leverages, facts.steps, settings.washout, copies),
+            training_leverages,
             s: fit.s,
             s_lodo: fit.left_out.map(|left_out| left_out.s),
             rho_hi: SMALLEST_RHO_HI,
@@ -204,18 +105,17 @@ impl Model {
         };
         let readout = Readout::new(facts.output_columns.len(), fit.w_out).ok_or(no_rows)?;
         let lower = &fit.factor.lower;
-        let mut model = Self {
+        Ok(Self {
             settings: settings.clone(),
             facts,
-            provenance: Provenance::of(demonstrations),
+            provenance,
             reservoir,
             readout,
             triangle: Triangle::new(lower.nrows(), |row, column| lower[(row, column)]),
             calibration,
+            conditions: None,
             hash: OnceLock::new(),
-        };
-        model.calibration.rho_hi = model.measure_rho_hi(demonstrations)?;
-        Ok(model)
+        })
     }
 
     fn measure_rho_hi(&self, demonstrations: &[Demonstration]) -> Result<f64, ForecastError> {
@@ -231,7 +131,7 @@ impl Model {
 }
 
 impl Provenance {
-    fn of(demonstrations: &[Demonstration]) -> Self {
+    pub(crate) fn of(demonstrations: &[Demonstration]) -> Self {
         let source = |d: &Demonstration| Source {
             name: d.name().to_owned(),
             sha256: d.sha256(),
@@ -241,6 +141,26 @@ impl Provenance {
             sources: demonstrations.iter().map(source).collect(),
             crate_version,
         }
+    }
+}
+
+pub(crate) fn facts(
+    first: &Demonstration,
+    settings: &Settings,
+    context_scale: Scale,
+    feedback: Option<FeedbackFacts>,
+    fit: &Fit,
+) -> Facts {
+    Facts {
+        context_columns: first.context_columns().to_vec(),
+        output_columns: first.output_columns().to_vec(),
+        steps: first.steps(),
+        period_s: first.period_s().unwrap_or(settings.period_s),
+        context_scale,
+        feedback,
+        lambda: fit.lambda,
+        effective_rows: fit.effective_rows,
+        edf: fit.edf,
     }
 }
 
@@ -262,7 +182,10 @@ impl FeedbackFacts {
     }
 }
 
-fn check<'a>(demonstrations: &'a [Demonstration], settings: &Settings) -> Result<&'a Demonstration, TrainError> {
+pub(crate) fn check<'a>(
+    demonstrations: &'a [Demonstration],
+    settings: &Settings,
+) -> Result<&'a Demonstration, TrainError> {
     settings.check()?;
     let (first, others) = match demonstrations {
         [first, others @ ..] if !others.is_empty() => (first, others),
@@ -315,8 +238,7 @@ fn check_pair(first: &Demonstration, other: &Demonstration) -> Result<(), TrainE
     Ok(())
 }
 
-fn shape(first: &Demonstration, settings: &Settings) -> Shape {
-    let contexts = first.context().len();
+pub(crate) fn shape(first: &Demonstration, settings: &Settings, contexts: usize) -> Shape {
     let mut input_gains = vec![settings.context_gain; contexts];
     if let Some(feedback) = settings.feedback {
         input_gains.resize(contexts + first.output_columns().len(), feedback.gain);
@@ -363,6 +285,7 @@ fn sequences(
                 targets,
                 weight,
                 demonstration: index,
+                from: 0,
             });
         }
     }

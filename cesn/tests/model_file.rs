@@ -106,7 +106,7 @@ fn every_refusal_says_what_was_found() {
         }
     );
     let newer = resealed(BYTES.clone(), |content| content[8] = 9);
-    let reason = "the model file has layout version 9; this program reads only 1; update it, or train again";
+    let reason = "the model file has layout version 9; this program reads up to 2; update it, or train again";
     assert_eq!(refusal(&newer).to_string(), reason);
     let huge = resealed(BYTES.clone(), |content| content[39] = 1);
     assert!(matches!(refusal(&huge), ArtefactError::TooLarge { .. }));

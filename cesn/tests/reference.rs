@@ -73,6 +73,7 @@ impl Case {
                 targets: numbers(&demo["targets"]),
                 weight: 1.0,
                 demonstration,
+                from: 0,
             })
             .collect();
         let washout = count(&json["washout"]);

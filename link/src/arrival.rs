@@ -85,7 +85,7 @@ impl Impairment {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::impairment::{Direction, ImpairmentSettings};
+    use crate::impairment::{Direction, Impairments, LineSettings};
     use tandem_wire::{Command, Envelope, Header, MILLISECOND, Seq, Timing, encode};
 
     fn sample(tick: u32) -> Vec<u8> {
@@ -100,10 +100,12 @@ mod tests {
         bytes
     }
 
-    /// What reaches `receiver` of so many ticks' samples: milliseconds, tick, and whether it is the sample itself.
-    fn heard(receiver: NodeName, topic: Topic, ticks: u32, settings: &ImpairmentSettings) -> Vec<(u64, u32, bool)> {
-        let timing = Timing::default().lockstep();
-        let mut line = Impairment::new(settings.clone(), receiver, timing);
+    /// What reaches the receiver of so many ticks' samples: milliseconds, tick, and whether it is the sample itself.
+    fn heard(direction: Direction, ticks: u32, line: LineSettings) -> Vec<(u64, u32, bool)> {
+        let (timing, topic) = (Timing::default().lockstep(), direction.topic());
+        let mut impairments = Impairments::default();
+        impairments.set(direction, line);
+        let mut line = Impairment::new(&impairments, direction.receiver(), timing);
         let mut heard = Vec::new();
         for tick in 1..=ticks {
             let now = Stamp::of_tick(tick, timing.period);
@@ -121,12 +123,11 @@ mod tests {
 
     #[test]
     fn a_late_sample_is_missed_in_its_tick_and_comes_at_its_instant_before_the_next() {
-        let late = ImpairmentSettings {
-            streams: vec![Direction::Command],
+        let late = LineSettings {
             delay_ms: 30.0,
-            ..ImpairmentSettings::default()
+            ..LineSettings::default()
         };
-        let heard = heard(NodeName::Arbiter, Topic::Command, 3, &late);
+        let heard = heard(Direction::Command, 3, late);
         let expected = [
             (100, 1, false),
             (130, 1, true),
@@ -139,23 +140,21 @@ mod tests {
 
     #[test]
     fn a_lost_sample_is_missed_and_never_comes() {
-        let lost = ImpairmentSettings {
-            streams: vec![Direction::Command],
+        let lost = LineSettings {
             loss: 1.0,
-            ..ImpairmentSettings::default()
+            ..LineSettings::default()
         };
-        let heard = heard(NodeName::Arbiter, Topic::Command, 2, &lost);
+        let heard = heard(Direction::Command, 2, lost);
         assert_eq!(heard, [(100, 1, false), (200, 2, false)]);
     }
 
     #[test]
     fn a_late_setpoint_reaches_the_robot_before_it_goes_on_without_one() {
-        let late = ImpairmentSettings {
-            streams: vec![Direction::Setpoint],
+        let late = LineSettings {
             delay_ms: 30.0,
-            ..ImpairmentSettings::default()
+            ..LineSettings::default()
         };
-        let heard = heard(NodeName::RobotSim, Topic::Setpoint, 2, &late);
+        let heard = heard(Direction::Setpoint, 2, late);
         assert_eq!(
             heard,
             [(130, 1, true), (130, 1, false), (230, 2, true), (230, 2, false)]

@@ -22,6 +22,11 @@ settings! {
         pub listen: Vec<String> = [];
         /// Whom to connect to, for ever if need be. Without listen and connect: tcp/127.0.0.1:7447.
         pub connect: Vec<String> = [];
+        /// The folder with this machine's certificates, which tandem keys makes. With it every connection is TLS, both sides
+        /// show who they are, and whoever listens lets each do what its role may. Empty: no certificates.
+        pub site: String = "";
+        /// Which member of the site this process is; if empty, the one whose role it needs.
+        pub member: String = "";
         /// Listen beyond this machine without certificates. Anyone who reaches the port can then command the robot.
         pub insecure: bool = false;
         /// The folder in which a node keeps its journal until a recorder has all of it; if empty, a folder of its own

@@ -4,68 +4,21 @@
 //! execution of it needs no bad line. What befalls a sample depends on seed, receiver, stream and sequence number
 //! alone: the same trial meets the same line again, whatever else changes.
 //!
+//! [`Impairments`] says which streams it befalls and how. Every line ends in a shell: the *receiver's*. So "commands" are
+//! those on their way to the arbiter, and states have a line of their own to each of the three who listen to them.
+//!
 //! In lockstep everybody waits for every tick's sample: [`arrival`](crate::Arrival) says what becomes of one that is
 //! kept back there. Pure: time is an argument.
+
+mod lines;
 
 use std::collections::VecDeque;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use tandem_settings::{choices, settings};
 use tandem_wire::{MILLISECOND, Nanos, NodeName, SECOND, Stamp, Timing, Topic, codec};
 
-choices! {
-    /// A stream in one direction: what it carries, and to whom.
-    pub enum Direction {
-        /// Commands to the arbiter.
-        Command = "command",
-        /// Proposals to the arbiter.
-        Proposal = "proposal",
-        /// Setpoints to the robot.
-        Setpoint = "setpoint",
-        /// States to the operator.
-        StateToOperator = "state-to-operator",
-        /// States to the predictor.
-        StateToPredictor = "state-to-predictor",
-        /// States to the arbiter.
-        StateToArbiter = "state-to-arbiter",
-    }
-}
-
-settings! {
-    /// A bad line, on purpose. Every stream chosen here is drawn for itself.
-    pub struct ImpairmentSettings("impairment") {
-        /// Which streams it befalls; none: none.
-        pub streams: Vec<Direction> = [];
-        /// How late every sample is, in milliseconds.
-        pub delay_ms: f64 = 0.0, in 0.0..=10000.0;
-        /// How much later still, at most; drawn evenly, in milliseconds.
-        pub jitter_ms: f64 = 0.0, in 0.0..=10000.0;
-        /// The share of samples that are lost.
-        pub loss: f64 = 0.0, in 0.0..=1.0;
-        /// The share of samples each of which comes a message's period and a half later, so that the next one overtakes it.
-        pub reorder: f64 = 0.0, in 0.0..=1.0;
-        /// When nothing passes: begin and length, in seconds of the receiver's time.
-        pub outages_s: Vec<[f64; 2]> = [], in 0.0..=1000000.0;
-        /// What all of it is drawn from.
-        pub seed: u64 = 1;
-    }
-}
-
-impl Direction {
-    /// The direction of a stream that `receiver` listens to.
-    const fn of(receiver: NodeName, topic: Topic) -> Option<Self> {
-        match (receiver, topic) {
-            (NodeName::Arbiter, Topic::Command) => Some(Self::Command),
-            (NodeName::Arbiter, Topic::Proposal) => Some(Self::Proposal),
-            (NodeName::RobotSim, Topic::Setpoint) => Some(Self::Setpoint),
-            (NodeName::Operator, Topic::State) => Some(Self::StateToOperator),
-            (NodeName::Predictor, Topic::State) => Some(Self::StateToPredictor),
-            (NodeName::Arbiter, Topic::State) => Some(Self::StateToArbiter),
-            _ => None,
-        }
-    }
-}
+pub use lines::{Direction, ImpairmentSettings, Impairments, LineSettings};
 
 /// What befalls a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,7 +32,8 @@ pub enum Fate {
 /// The line to one node.
 #[derive(Clone, Debug)]
 pub struct Impairment {
-    settings: ImpairmentSettings,
+    /// What befalls the streams that were chosen; the others have none.
+    lines: Vec<(Topic, LineSettings)>,
     receiver: NodeName,
     timing: Timing,
     /// Late samples with the instant at which they arrive, earliest first.
@@ -89,9 +43,12 @@ pub struct Impairment {
 impl Impairment {
     /// The line to `receiver`.
     #[must_use]
-    pub const fn new(settings: ImpairmentSettings, receiver: NodeName, timing: Timing) -> Self {
+    pub fn new(impairments: &Impairments, receiver: NodeName, timing: Timing) -> Self {
+        let here = impairments
+            .lines()
+            .filter(|(direction, _)| direction.receiver() == receiver);
         Self {
-            settings,
+            lines: here.map(|(direction, line)| (direction.topic(), line)).collect(),
             receiver,
             timing,
             held: VecDeque::new(),
@@ -101,13 +58,18 @@ impl Impairment {
     /// Whether samples of a stream may be late or lost.
     #[must_use]
     pub fn befalls(&self, topic: Topic) -> bool {
-        Direction::of(self.receiver, topic).is_some_and(|direction| self.settings.streams.contains(&direction))
+        self.line(topic).is_some()
     }
 
-    /// Whether any stream is chosen.
+    /// Whether any stream to this receiver was chosen.
     #[must_use]
     pub const fn is_bad(&self) -> bool {
-        !self.settings.streams.is_empty()
+        !self.lines.is_empty()
+    }
+
+    fn line(&self, topic: Topic) -> Option<&LineSettings> {
+        let mut lines = self.lines.iter();
+        lines.find(|(of, _)| *of == topic).map(|(_, line)| line)
     }
 
     pub(crate) const fn receiver(&self) -> NodeName {
@@ -121,8 +83,10 @@ impl Impairment {
     /// Takes in a sample that arrives at `now`. Given back, it may be heard at once; otherwise it is lost, or waits for
     /// its instant.
     pub fn take(&mut self, now: Stamp, topic: Topic, bytes: Vec<u8>) -> Option<Vec<u8>> {
-        let read = codec::peek(&bytes);
-        let (true, Ok((_, header))) = (self.befalls(topic), read) else {
+        if !self.befalls(topic) {
+            return Some(bytes);
+        }
+        let Ok((_, header)) = codec::peek(&bytes) else {
             // What cannot be read is the node's to refuse.
             return Some(bytes);
         };
@@ -155,36 +119,39 @@ impl Impairment {
     /// What befalls sample number `seq` of a stream that would arrive at `now`.
     #[must_use]
     pub fn fate(&self, now: Stamp, topic: Topic, seq: u64) -> Fate {
-        let settings = &self.settings;
-        let mut draws = self.draws(topic, seq);
+        let Some(line) = self.line(topic) else {
+            return Fate::After(0);
+        };
+        let mut draws = self.draws(topic, line.seed, seq);
         let [loss, reorder, jitter] = std::array::from_fn(|_| unit(draws.next_u64()));
-        if loss < settings.loss || self.is_out(now) {
+        if loss < line.loss || is_out(line, now) {
             return Fate::Lost;
         }
-        let overtaken = if reorder < settings.reorder {
+        let overtaken = if reorder < line.reorder {
             self.timing.message_period() / 2 * 3
         } else {
             0
         };
-        Fate::After(nanos(settings.delay_ms + settings.jitter_ms * jitter, MILLISECOND).saturating_add(overtaken))
+        Fate::After(nanos(line.delay_ms + line.jitter_ms * jitter, MILLISECOND).saturating_add(overtaken))
     }
 
-    fn is_out(&self, now: Stamp) -> bool {
-        self.settings.outages_s.iter().any(|&[begin, length]| {
-            let begin = Stamp(nanos(begin, SECOND));
-            now >= begin && now.since(begin) < nanos(length, SECOND)
-        })
-    }
-
-    fn draws(&self, topic: Topic, seq: u64) -> ChaCha8Rng {
+    fn draws(&self, topic: Topic, seed: u64, seq: u64) -> ChaCha8Rng {
         let mut key = *b"................tandem link line";
-        key[..8].copy_from_slice(&self.settings.seed.to_le_bytes());
+        key[..8].copy_from_slice(&seed.to_le_bytes());
         key[8] = topic.kind();
         key[9] = self.receiver as u8;
         let mut generator = ChaCha8Rng::from_seed(key);
         generator.set_stream(seq);
         generator
     }
+}
+
+/// Whether nothing passes at `now`.
+fn is_out(line: &LineSettings, now: Stamp) -> bool {
+    line.outages_s.iter().any(|&[begin, length]| {
+        let begin = Stamp(nanos(begin, SECOND));
+        now >= begin && now.since(begin) < nanos(length, SECOND)
+    })
 }
 
 /// From 0 to 1, 1 excluded, with 53 bits.
@@ -223,13 +190,12 @@ mod tests {
         bytes
     }
 
-    fn line(change: impl FnOnce(&mut ImpairmentSettings)) -> Impairment {
-        let mut settings = ImpairmentSettings {
-            streams: vec![Direction::Command],
-            ..ImpairmentSettings::default()
-        };
-        change(&mut settings);
-        Impairment::new(settings, NodeName::Arbiter, Timing::default())
+    fn line(change: impl FnOnce(&mut LineSettings)) -> Impairment {
+        let mut line = LineSettings::default();
+        change(&mut line);
+        let mut impairments = Impairments::default();
+        impairments.set(Direction::Command, line);
+        Impairment::new(&impairments, NodeName::Arbiter, Timing::default())
     }
 
     /// Sends so many commands, one every 20 ms from 20 ms on; which arrive, and when, in milliseconds.
@@ -273,8 +239,10 @@ mod tests {
         let through = heard(&mut lossy(), 1000);
         assert!((650..750).contains(&through.len()), "{}", through.len());
         assert_eq!(through, heard(&mut lossy(), 1000));
-        let mut other = lossy();
-        other.settings.seed = 2;
+        let mut other = line(|settings| {
+            settings.loss = 0.3;
+            settings.seed = 2;
+        });
         assert_ne!(through, heard(&mut other, 1000));
     }
 
@@ -295,9 +263,23 @@ mod tests {
     }
 
     #[test]
-    fn the_defaults_read_back_as_they_print() {
-        let text = tandem_settings::show(&ImpairmentSettings::default());
-        let document = tandem_settings::Document::parse("defaults", &text).expect("TOML");
-        assert_eq!(document.section(), Ok(ImpairmentSettings::default()));
+    fn every_stream_has_its_own_line_at_its_own_receiver() {
+        let mut impairments = Impairments::default();
+        impairments.all.streams = vec![Direction::Proposal, Direction::StateToOperator];
+        impairments.all.loss = 1.0;
+        let delay_ms = 30.0;
+        let late = LineSettings {
+            delay_ms,
+            ..LineSettings::default()
+        };
+        impairments.set(Direction::Command, late);
+        let to = |receiver| Impairment::new(&impairments, receiver, Timing::default());
+        let (arbiter, operator, robot) = (to(NodeName::Arbiter), to(NodeName::Operator), to(NodeName::RobotSim));
+        let fate = |line: &Impairment, topic| line.fate(Stamp(0), topic, 1);
+        assert_eq!(fate(&arbiter, Topic::Command), Fate::After(30 * MILLISECOND));
+        assert_eq!(fate(&arbiter, Topic::Proposal), Fate::Lost);
+        assert_eq!(fate(&arbiter, Topic::State), Fate::After(0));
+        assert_eq!(fate(&operator, Topic::State), Fate::Lost);
+        assert!(!robot.is_bad() && arbiter.is_bad());
     }
 }

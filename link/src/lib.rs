@@ -17,7 +17,7 @@
 //!
 //! The shell refuses to know what a message means: it reads headers in lockstep and nothing else.
 //!
-//! Start reading at [`run`](mod@run); [`net`] opens sessions, [`config`] says where to.
+//! Start reading at [`run`](mod@run); [`net`] opens sessions, [`config`] says where to, [`reach`] what Zenoh is told of it.
 
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
@@ -33,19 +33,25 @@ pub mod impairment;
 mod journal;
 pub mod net;
 mod observer;
+mod player;
+pub mod reach;
+pub mod refusals;
 pub mod run;
 mod running;
 mod spool;
+mod verdict;
 
 pub use arrival::Arrival;
 pub use clock::{Clock, fresh_session};
 pub use config::{LinkSettings, LoopSettings, TaskSettings};
 pub use dropped::Dropped;
 pub use faults::Faults;
-pub use impairment::{Direction, Impairment, ImpairmentSettings};
+pub use impairment::{Direction, Impairment, ImpairmentSettings, Impairments, LineSettings};
 pub use journal::JournalReport;
 pub use net::{Link, LinkError};
 pub use observer::{Observer, Sighting};
+pub use player::Player;
+pub use reach::Reach;
 pub use run::{lockstep_now, spawn};
 pub use running::{Device, Report, Running, ShellOptions};
 pub use spool::SpoolOptions;

@@ -1,17 +1,19 @@
 //! Zenoh sessions: opening, declaring, publishing, closing.
 
-use std::net::{IpAddr, TcpListener};
+use std::net::TcpListener;
+use std::sync::Arc;
 use std::time::Duration;
 
+use tandem_site::{Role, SiteError};
 use tandem_wire::{Delivery, Pace, RobotName, Topic};
 use zenoh::Wait;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
+use zenoh::query::Queryable;
 
 use crate::config::LinkSettings;
-
-/// Where a process connects if nothing else is said, and where the README's recipe listens.
-pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
+use crate::reach::Reach;
+use crate::verdict;
 
 /// How often a free port is looked for before giving up: another process may take it in between.
 const PORT_TRIES: usize = 8;
@@ -22,7 +24,8 @@ pub enum LinkError {
     /// Listening beyond this machine without certificates.
     #[error(
         "refusing to listen on {endpoint}: it is reachable from other machines and there are no certificates; \
-             listen on 127.0.0.1, or spell out --insecure if the network is trusted"
+             listen on 127.0.0.1, or say --site with a folder of certificates (tandem keys new), or spell out \
+             --insecure if the network is trusted"
     )]
     Exposed {
         /// The address.
@@ -33,6 +36,44 @@ pub enum LinkError {
     Endpoint {
         /// What was given.
         endpoint: String,
+    },
+    /// TLS without certificates.
+    #[error("{endpoint} needs certificates: say --site with their folder (tandem keys new makes one)")]
+    NoSite {
+        /// The address.
+        endpoint: String,
+    },
+    /// Certificates on a way that cannot use them.
+    #[error("{endpoint} cannot be protected by certificates: write tls/ instead of udp/, or leave --site out")]
+    Unprotected {
+        /// The address.
+        endpoint: String,
+    },
+    /// TLS to an address that Zenoh cannot check.
+    #[error(
+        "{endpoint} cannot be dialled with certificates: use a host's name that stands in the listener's certificate, \
+             or an IPv4 address"
+    )]
+    Bracketed {
+        /// The address.
+        endpoint: String,
+    },
+    /// A certificate that is good for dialling only.
+    #[error("{name} is {role} in its site and may not listen: let a router, robot-sim or arbiter listen, and dial it")]
+    MayNotListen {
+        /// Who.
+        name: String,
+        /// What it is.
+        role: Role,
+    },
+    /// The site's files.
+    #[error(transparent)]
+    Site(#[from] SiteError),
+    /// Who listens does not want us, or we do not want it.
+    #[error("refused by whoever listens: {reason}")]
+    Refused {
+        /// Why.
+        reason: String,
     },
     /// Zenoh would not open the session.
     #[error("cannot open a Zenoh session (listen {listen:?}, connect {connect:?}): {reason}{}", advice(.reason))]
@@ -75,7 +116,19 @@ impl LinkError {
     /// Whether what was asked for cannot be, rather than what was tried went wrong.
     #[must_use]
     pub const fn is_bad_usage(&self) -> bool {
-        matches!(self, Self::Exposed { .. } | Self::Endpoint { .. } | Self::Robot(_))
+        match self {
+            Self::Exposed { .. } | Self::Endpoint { .. } | Self::Robot(_) => true,
+            Self::NoSite { .. } | Self::Unprotected { .. } | Self::Bracketed { .. } | Self::MayNotListen { .. } => true,
+            Self::Site(why) => matches!(
+                why,
+                SiteError::NoSite { .. }
+                    | SiteError::NoMember { .. }
+                    | SiteError::WrongRole { .. }
+                    | SiteError::Ambiguous { .. }
+                    | SiteError::OtherRobot { .. }
+            ),
+            _ => false,
+        }
     }
 }
 
@@ -92,28 +145,45 @@ fn advice(reason: &str) -> &'static str {
 pub struct Link {
     pub(crate) session: zenoh::Session,
     pub(crate) robot: RobotName,
+    /// Tells whoever asks what its certificate is good for; of a session that listens.
+    _verdicts: Option<Arc<Queryable<()>>>,
 }
 
 impl Link {
-    /// Opens the session that the settings ask for. Blocks until the first of `connect` answers.
+    /// Opens the session that the settings ask for, for a tool that has no role of its own. Blocks until the first of
+    /// `connect` answers.
     ///
     /// # Errors
-    /// If an endpoint is wrong, taken or exposed, or Zenoh refuses.
+    /// As [`Link::open_as`].
     pub fn open(settings: &LinkSettings) -> Result<Self, LinkError> {
-        let robot = settings.robot.parse()?;
-        let default = [DEFAULT_ENDPOINT.to_owned()];
-        let connect: &[String] = if settings.listen.is_empty() && settings.connect.is_empty() {
-            &default
-        } else {
-            &settings.connect
-        };
-        for endpoint in &settings.listen {
-            check_listen(endpoint, settings.insecure)?;
+        Self::open_as(settings, None)
+    }
+
+    /// Opens the session that the settings ask for, for a process of that role. Blocks until the first of `connect`
+    /// answers.
+    ///
+    /// # Errors
+    /// If an endpoint is wrong, taken or exposed, the site's files are refused, whoever listens gives us nothing to do,
+    /// or Zenoh refuses.
+    pub fn open_as(settings: &LinkSettings, role: Option<Role>) -> Result<Self, LinkError> {
+        Self::open_at(settings.robot.parse()?, &Reach::new(settings, role)?)
+    }
+
+    /// Opens a session at places that were checked before.
+    ///
+    /// # Errors
+    /// As [`Link::open_as`].
+    pub fn open_at(robot: RobotName, reach: &Reach) -> Result<Self, LinkError> {
+        let mut link = Self::open_session(robot, reach)?;
+        if let Some(secured) = &reach.secured {
+            if !reach.listen.is_empty() {
+                link._verdicts = Some(Arc::new(verdict::give(&link.session, secured.site.roster())?));
+            } else if let Err(reason) = verdict::ask(&link.session, secured, reach) {
+                link.close();
+                return Err(LinkError::Refused { reason });
+            }
         }
-        for endpoint in &settings.connect {
-            host(endpoint)?;
-        }
-        Self::open_session(robot, &settings.listen, connect)
+        Ok(link)
     }
 
     /// Opens the demo's two sessions, joined by a real TCP connection over loopback: the edge, which routes, and the
@@ -126,21 +196,28 @@ impl Link {
         loop {
             tries += 1;
             let endpoint = [format!("tcp/127.0.0.1:{}", free_port()?)];
-            match Self::open_session(robot.clone(), &endpoint, &[]) {
-                Ok(edge) => return Ok((edge, Self::open_session(robot.clone(), &[], &endpoint)?)),
+            match Self::open_session(robot.clone(), &Reach::plain(&endpoint, &[])) {
+                Ok(edge) => {
+                    let remote = Self::open_session(robot.clone(), &Reach::plain(&[], &endpoint))?;
+                    return Ok((edge, remote));
+                }
                 Err(_) if tries < PORT_TRIES => {}
                 Err(error) => return Err(error),
             }
         }
     }
 
-    fn open_session(robot: RobotName, listen: &[String], connect: &[String]) -> Result<Self, LinkError> {
-        let opened = configuration(listen, connect).and_then(|config| zenoh::open(config).wait());
-        match opened {
-            Ok(session) => Ok(Self { session, robot }),
+    fn open_session(robot: RobotName, reach: &Reach) -> Result<Self, LinkError> {
+        let config = zenoh::Config::from_json5(&reach.zenoh().to_string());
+        match config.and_then(|config| zenoh::open(config).wait()) {
+            Ok(session) => Ok(Self {
+                session,
+                robot,
+                _verdicts: None,
+            }),
             Err(error) => Err(LinkError::Open {
-                listen: listen.to_vec(),
-                connect: connect.to_vec(),
+                listen: reach.listen.clone(),
+                connect: reach.connect.clone(),
                 reason: plain(&error),
             }),
         }
@@ -237,53 +314,6 @@ const fn quality(delivery: Delivery, pace: Pace) -> (Priority, CongestionControl
     }
 }
 
-fn configuration(listen: &[String], connect: &[String]) -> zenoh::Result<zenoh::Config> {
-    let list = |endpoints: &[String]| {
-        let quoted: Vec<String> = endpoints.iter().map(|endpoint| format!("{endpoint:?}")).collect();
-        format!("[{}]", quoted.join(","))
-    };
-    let mut config = zenoh::Config::default();
-    config.insert_json5("mode", if listen.is_empty() { "\"client\"" } else { "\"router\"" })?;
-    config.insert_json5("listen/endpoints", &list(listen))?;
-    config.insert_json5("connect/endpoints", &list(connect))?;
-    config.insert_json5("connect/timeout_ms", "-1")?;
-    config.insert_json5("connect/exit_on_failure", "false")?;
-    config.insert_json5(
-        "connect/retry",
-        "{ period_init_ms: 100, period_max_ms: 1000, period_increase_factor: 2 }",
-    )?;
-    config.insert_json5("scouting/multicast/enabled", "false")?;
-    config.insert_json5("scouting/gossip/enabled", "false")?;
-    Ok(config)
-}
-
-fn check_listen(endpoint: &str, insecure: bool) -> Result<(), LinkError> {
-    let host = host(endpoint)?;
-    let loopback = host == "localhost" || host.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback());
-    if loopback || insecure {
-        Ok(())
-    } else {
-        Err(LinkError::Exposed {
-            endpoint: endpoint.to_owned(),
-        })
-    }
-}
-
-/// The host of an endpoint that is spelled right.
-fn host(endpoint: &str) -> Result<&str, LinkError> {
-    let wrong = || LinkError::Endpoint {
-        endpoint: endpoint.to_owned(),
-    };
-    let (protocol, address) = endpoint.split_once('/').ok_or_else(wrong)?;
-    let address = address.split(['#', '?']).next().unwrap_or(address);
-    let (host, port) = address.rsplit_once(':').ok_or_else(wrong)?;
-    if ["tcp", "udp", "tls"].contains(&protocol) && port.parse::<u16>().is_ok() && !host.is_empty() {
-        Ok(host.trim_start_matches('[').trim_end_matches(']'))
-    } else {
-        Err(wrong())
-    }
-}
-
 /// What Zenoh said, without the places in its sources that it names.
 fn plain(error: &zenoh::Error) -> String {
     let said = error.to_string();
@@ -307,28 +337,3 @@ pub fn free_port() -> Result<u16, LinkError> {
 
 /// How long a query for a node's configuration waits for its answer.
 pub(crate) const QUERY_TIMEOUT: Duration = Duration::from_secs(5);
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn listening_beyond_loopback_must_be_spelled_out() {
-        for endpoint in ["tcp/127.0.0.1:7447", "tcp/[::1]:7447", "udp/localhost:1"] {
-            assert!(check_listen(endpoint, false).is_ok(), "{endpoint}");
-        }
-        for endpoint in ["tcp/0.0.0.0:7447", "tcp/[::]:7447", "tcp/192.0.2.1:7447"] {
-            assert!(
-                matches!(check_listen(endpoint, false), Err(LinkError::Exposed { .. })),
-                "{endpoint}"
-            );
-            assert!(check_listen(endpoint, true).is_ok(), "{endpoint}");
-        }
-        for endpoint in ["", "7447", "tcp/127.0.0.1", "tcp/127.0.0.1:x", "http/127.0.0.1:80"] {
-            assert!(
-                matches!(check_listen(endpoint, false), Err(LinkError::Endpoint { .. })),
-                "{endpoint}"
-            );
-        }
-    }
-}

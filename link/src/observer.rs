@@ -48,12 +48,27 @@ impl Observer {
     pub fn new(link: &Link, pace: Pace) -> Result<Self, LinkError> {
         let (sender, receiver) = bounded(QUEUE);
         let subscribers = vec![
-            watch_samples(link, pace, sender.clone())?,
+            watch(link, pace, &link.robot.everything(), sender.clone())?,
             watch_presence(link, sender)?,
         ];
         Ok(Self {
             receiver,
             _subscribers: subscribers,
+        })
+    }
+
+    /// Sees some topics: all that somebody may hear who is neither recorder nor viewer.
+    ///
+    /// # Errors
+    /// If Zenoh refuses.
+    pub fn of_topics(link: &Link, pace: Pace, topics: &[Topic]) -> Result<Self, LinkError> {
+        let (sender, receiver) = bounded(QUEUE);
+        let subscribers = topics
+            .iter()
+            .map(|topic| watch(link, pace, &topic.key(&link.robot), sender.clone()));
+        Ok(Self {
+            receiver,
+            _subscribers: subscribers.collect::<Result<_, _>>()?,
         })
     }
 
@@ -76,10 +91,9 @@ impl Observer {
     }
 }
 
-fn watch_samples(link: &Link, pace: Pace, sender: Sender<Sighting>) -> Result<Subscriber<()>, LinkError> {
+fn watch(link: &Link, pace: Pace, key: &str, sender: Sender<Sighting>) -> Result<Subscriber<()>, LinkError> {
     let clock = Clock::of_process();
-    let key = link.robot.everything();
-    let subscriber = link.session.declare_subscriber(&key).callback(move |sample| {
+    let subscriber = link.session.declare_subscriber(key).callback(move |sample| {
         let Some((_, topic)) = keys::parse(sample.key_expr().as_str()) else {
             return;
         };
@@ -94,7 +108,7 @@ fn watch_samples(link: &Link, pace: Pace, sender: Sender<Sighting>) -> Result<Su
             Pace::Real => sender.try_send(sighting).is_ok(),
         };
     });
-    subscriber.wait().map_err(|error| declare(&key, &error))
+    subscriber.wait().map_err(|error| declare(key, &error))
 }
 
 fn watch_presence(link: &Link, sender: Sender<Sighting>) -> Result<Subscriber<()>, LinkError> {

@@ -69,7 +69,7 @@ where
     let declared = Declared::new::<N>(link, &entrance, &options)?;
     let shell = Shell {
         node,
-        line: Impairment::new(options.impairment.clone(), N::NAME, options.timing),
+        line: Impairment::new(&options.impairment, N::NAME, options.timing),
         options,
         local,
         publishers,
@@ -193,7 +193,8 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
     /// A bad line keeps samples back before the journal sees them: what stands in it is what the node saw.
     fn let_through(&mut self, item: Item) -> Option<Item> {
         match item {
-            Item::Sample { topic, bytes, .. } if self.is_bad_lockstep() => {
+            item if !self.line.is_bad() => Some(item),
+            Item::Sample { topic, bytes, .. } if self.options.timing.pace == Pace::Lockstep => {
                 self.pass(topic, bytes);
                 None
             }
@@ -203,10 +204,6 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
             }
             other => Some(other),
         }
-    }
-
-    fn is_bad_lockstep(&self) -> bool {
-        self.line.is_bad() && self.options.timing.pace == Pace::Lockstep
     }
 
     /// Over a bad line in lockstep a sample may reach the node later, and others with it.
@@ -302,6 +299,7 @@ impl<N: Ports, F: FnMut(Stamp, N::Output)> Shell<N, F> {
 
     fn next(&mut self, receiver: &Receiver<Item>) -> Next {
         if self.options.timing.pace == Pace::Real
+            && self.line.deadline().is_some()
             && let Some((arrived, topic, bytes)) = self.line.due(self.clock.now())
         {
             return Next::Released(Item::Sample { topic, bytes, arrived });

@@ -8,7 +8,7 @@ use tandem_wire::{Input, NodeInfo, NodeName, Stamp, Timing, Topic};
 use crate::Clock;
 use crate::dropped::Dropped;
 use crate::faults::Faults;
-use crate::impairment::ImpairmentSettings;
+use crate::impairment::Impairments;
 use crate::journal::JournalReport;
 use crate::spool::SpoolOptions;
 
@@ -22,7 +22,7 @@ pub struct ShellOptions {
     /// In lockstep: the peers that must be there before the first step.
     pub await_peers: Vec<NodeName>,
     /// What befalls samples on their way to the node.
-    pub impairment: ImpairmentSettings,
+    pub impairment: Impairments,
     /// Where the journal is kept for a recorder that misses some of it.
     pub spool: SpoolOptions,
     /// What is lost on purpose.

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use tandem_link::{
-    Clock, Faults, ImpairmentSettings, Link, Observer, ShellOptions, Sighting, SpoolOptions, fresh_session, spawn,
+    Clock, Faults, Impairments, Link, Observer, ShellOptions, Sighting, SpoolOptions, fresh_session, spawn,
 };
 use tandem_wire::codec::to_bytes;
 use tandem_wire::{
@@ -109,7 +109,7 @@ fn a_node_answers_over_real_zenoh_and_its_journal_says_so() {
         await_peers: vec![],
         spool: SpoolOptions::default(),
         faults: Faults::default(),
-        impairment: ImpairmentSettings::default(),
+        impairment: Impairments::default(),
         queue: ShellOptions::QUEUE,
     };
     let running = spawn(&remote, Echo(Numbering::new(session)), options, |_, _| {}).unwrap();

@@ -1,4 +1,5 @@
-//! What one state costs: before the checkpoint, at it (target: 2 ms), and after it. N = 500.
+//! What one state costs: before the checkpoint, at it (target: 2 ms), after it, and after it where every tick is a new
+//! condition (the control period is 100 ms). N = 500.
 
 use std::hint::black_box;
 
@@ -35,16 +36,20 @@ fn event(tick: u32) -> Event {
 
 fn steps(c: &mut Criterion) {
     let trained = Model::train(&demonstrations(), &Settings::default()).expect("the planar task can be learnt");
-    let model = std::sync::Arc::new(trained);
+    let once = std::sync::Arc::new(trained);
+    let trained = Model::train_replanning(&demonstrations(), &Settings::replanning()).expect("it can be learnt, too");
+    let anew = std::sync::Arc::new(trained);
     let cases = [
-        ("before the checkpoint", 20, 0),
-        ("the step with the forecast", 41, 1),
-        ("after the checkpoint", 60, 0),
+        ("before the checkpoint", &once, 20, 0),
+        ("the step with the forecast", &once, 41, 1),
+        ("after the checkpoint", &once, 60, 0),
+        ("conditioned anew, first", &anew, 42, 1),
+        ("conditioned anew, half-way", &anew, 60, 1),
     ];
-    for (name, tick, forecasts) in cases {
+    for (name, model, tick, forecasts) in cases {
         let name = format!("predictor: {name}");
         c.bench_function(&name, |b| {
-            let once = || (predictor_at(&model, tick - 1), event(tick));
+            let once = || (predictor_at(model, tick - 1), event(tick));
             b.iter_batched(
                 once,
                 |((mut predictor, mut outbox), event)| {

@@ -44,6 +44,11 @@ impl Lookout {
         }
     }
 
+    /// The checkpoint that was passed last.
+    pub(crate) fn last(&self) -> Option<usize> {
+        self.passed.checked_sub(1)
+    }
+
     /// A new trial begins.
     pub(crate) fn reset(&mut self) {
         self.passed = 0;

@@ -108,7 +108,8 @@ pub(crate) fn check(model: &Model, timing: &Timing) -> Result<(), UnfitModel> {
         let (found, columns) = (outputs.len(), outputs.join(", "));
         return Err(UnfitModel::Outputs { found, columns });
     }
-    if context.len() != 2 {
+    let expected = model.context_at(0.0, &[0.0; 2]).len();
+    if context.len() != expected {
         let (found, columns) = (context.len(), context.join(", "));
         return Err(UnfitModel::Context { found, columns });
     }

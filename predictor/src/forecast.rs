@@ -18,8 +18,6 @@ use bincode::{Decode, Encode};
 use tandem_cesn::{Forecast as ModelForecast, Model};
 use tandem_wire::{Finite, Forecast, ForecastPoint, Guidance, Nanos, TaskFrame, Vec3};
 
-use crate::checkpoint::Crossing;
-
 /// How a forecast becomes a velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Following {
@@ -90,6 +88,11 @@ impl Course {
             && [self.ratio_high, self.phase].iter().all(|number| number.is_finite())
     }
 
+    /// Where the movement is, in steps.
+    pub(crate) fn phase(&self) -> f64 {
+        self.phase
+    }
+
     /// Moves on by so many ticks, up to the last step.
     pub(crate) fn advance(&mut self, ticks: u32) {
         self.phase = (self.phase + f64::from(ticks)).min(f64::from(self.last));
@@ -118,10 +121,10 @@ impl Course {
     }
 
     /// The whole forecast as a message.
-    pub(crate) fn message(&self, crossing: &Crossing, model: &Model, period: Nanos) -> Forecast {
+    pub(crate) fn message(&self, context: &[f64], model: &Model, period: Nanos) -> Forecast {
         Forecast {
             number: self.number,
-            context: crossing.point.map(Finite).to_vec(),
+            context: context.iter().copied().map(Finite).collect(),
             model: model.hash(),
             first_step: self.first,
             period,

@@ -5,6 +5,7 @@
 //! | event | what follows |
 //! | --- | --- |
 //! | state, first of a tick | the checkpoint is looked for, or the phase advances; a proposal |
+//! | the same, the model takes conditions at any time | while motion is permitted, a forecast from here; a proposal |
 //! | state, later in a tick | the same velocity again: decisions keep the control rate |
 //! | state of a new trial | everything about the one before is forgotten; a proposal |
 //! | state, late or repeated | dropped and counted |

@@ -198,10 +198,18 @@ impl Predictor {
         outbox: &mut Outbox<Output>,
     ) -> Option<Guidance> {
         let tool = state.body.tool.position;
-        let crossing = self.lookout.pass(self.frame.to_task(tool), ticks);
+        let here = self.frame.to_task(tool);
+        let crossing = self.lookout.pass(here, ticks);
         match (crossing, &mut self.course) {
-            (Some(crossing), _) => self.forecast(now, state.header.tick, &crossing, outbox),
-            (None, Some(course)) if state.body.motion.is_permitted() => course.advance(ticks),
+            (Some(crossing), _) => {
+                self.course = None;
+                self.forecast(now, state.header.tick, &crossing, outbox);
+            }
+            (None, Some(course)) if state.body.motion.is_permitted() => {
+                course.advance(ticks);
+                let phase = course.phase();
+                self.condition_anew(now, state.header.tick, here, phase, outbox);
+            }
             (None, _) => {}
         }
         let course = self.course.as_ref()?;
@@ -210,16 +218,41 @@ impl Predictor {
 
     /// Runs the model for a new condition. A condition that it cannot take leaves the human alone.
     fn forecast(&mut self, now: Stamp, tick: u32, crossing: &Crossing, outbox: &mut Outbox<Output>) {
-        let Some(model) = self.models.get(crossing.plane) else {
-            return;
-        };
-        let first = model.checkpoint_step();
-        let forecast = self.forecaster.forecast(model, &crossing.point, first).ok();
+        if let Some(model) = self.models.get(crossing.plane).cloned() {
+            let context = model.context_at(model.checkpoint_step() as f64, &crossing.point);
+            self.take_course(now, tick, &model, &context, crossing.phase, outbox);
+        }
+    }
+
+    /// Where the model in use takes another condition at any time: the tool's position now. Its forecast begins with
+    /// the step under way. Past its last condition, and when it cannot take this one, the forecast at hand stands.
+    fn condition_anew(&mut self, now: Stamp, tick: u32, here: [f64; 2], phase: f64, outbox: &mut Outbox<Output>) {
+        let in_use = self.lookout.last().and_then(|plane| self.models.get(plane));
+        let still = |model: &&Arc<Model>| model.last_condition_step().is_some_and(|last| phase <= last as f64);
+        if let Some(model) = in_use.filter(still).cloned() {
+            let context = model.context_at(phase, &here);
+            self.take_course(now, tick, &model, &context, phase, outbox);
+        }
+    }
+
+    /// Forecasts, follows that and says so; nothing changes if the model cannot take the context.
+    fn take_course(
+        &mut self,
+        now: Stamp,
+        tick: u32,
+        model: &Model,
+        context: &[f64],
+        phase: f64,
+        outbox: &mut Outbox<Output>,
+    ) {
         let number = self.made.saturating_add(1);
-        self.course = forecast.and_then(|forecast| Course::new(number, model, forecast, &self.frame, crossing.phase));
-        if let Some(course) = &self.course {
+        let first = model.first_step(context);
+        let forecast = self.forecaster.forecast(model, context, first).ok();
+        let course = forecast.and_then(|forecast| Course::new(number, model, forecast, &self.frame, phase));
+        if let Some(course) = course {
             self.made = number;
-            let message = course.message(crossing, model, self.timing.period);
+            let message = course.message(context, model, self.timing.period);
+            self.course = Some(course);
             outbox.push(Output::Forecast(self.forecasts.envelope(now, tick, message)));
         }
     }

@@ -92,8 +92,11 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn every_admitted_state_has_one_finite_answer(timeline in proptest::collection::vec(doing(), 1..150)) {
-        let mut stage = Stage::new(Timing::default());
+    fn every_admitted_state_has_one_finite_answer(
+        anew in any::<bool>(), timeline in proptest::collection::vec(doing(), 1..150),
+    ) {
+        let model = if anew { replanning_model() } else { model() };
+        let mut stage = Stage::with(Timing::default(), model);
         let mut world = World { seq: 0, tick: 0, at: [0.2, 0.1], motion: MOVING, trial: 1 };
         let (mut proposals, mut phase) = (0, None);
         for (index, doing) in timeline.iter().enumerate() {

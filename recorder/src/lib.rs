@@ -21,7 +21,8 @@
 //! every file and viewer has a thread behind a bounded queue, so that none of them can hold up the node. What does
 //! not fit is dropped, counted and shown.
 //!
-//! [`Recording`] reads a session file back, damaged or not, and [`repair`] makes a damaged one whole.
+//! [`Recording`] reads a session file back, damaged or not, [`Reel`] single messages of one too long for memory, and
+//! [`repair`] makes a damaged one whole.
 //!
 //! The recorder refuses to know how messages travel, what a robot's joints are, and whether what it hears is good:
 //! it never takes part in a decision.
@@ -51,7 +52,8 @@ pub use evidence::{Evidence, Fault, NoEvidence, RecordedNode, Run};
 pub use heard::{Entry, Heard, JournalPart, Level, Note, Sample};
 pub use node::{Event, Output, Recorder};
 pub use reader::{
-    ChannelRead, Damage, NodeRecord, Noted, PartsReader, ReadError, Recorded, Recording, RepairError, Repaired, repair,
+    ChannelRead, Damage, Keep, NodeRecord, Noted, PartsReader, Place, ReadError, Recorded, Recording, Reel, ReelError,
+    RepairError, Repaired, repair,
 };
 pub use session_file::{JOURNAL_ENCODING, Provenance, SessionFile, WriteError};
 pub use sinks::{Closed, Drops, Ended, Heading, Lost, Notice, OpenError, Sinks, part_path, save_what_if};

@@ -7,28 +7,34 @@
 //! messages of that sender had.
 //!
 //! Reading is total: of a file that was cut anywhere, or holds chunks that cannot be unpacked, what can be read is
-//! read, and [`Recording::damage`] says what is missing. The whole file is held in memory once, and every message once
-//! more.
+//! read, and [`Recording::damage`] says what is missing. Of a file one chunk is held in memory at a time; of each message
+//! its bytes, or only the [`Place`] where they stand, from which a [`Reel`] fetches them: a long session need not fit
+//! into memory to be played. The file's own index would not do: it knows when a message was heard, not where in the
+//! journals its bytes are, and a file whose writer was killed has none.
 
+mod damage;
+mod gathering;
 mod protobuf;
 mod records;
+mod reel;
 mod repair;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
+use std::io::{Cursor, Read, Seek};
 
-use mcap::records::Record;
-use tandem_wire::{Happening, Header, JournalBatch, Nanos, NodeName, RobotName, Session, Stamp, Topic, decode, keys};
+use tandem_wire::{Header, Nanos, NodeName, RobotName, Stamp, Topic};
 
-use crate::heard::{JournalPart, Level};
-use crate::session_file::{COUNTS, JOURNAL_ENCODING, PART};
-use crate::tally::{Counts, Tally};
+use crate::heard::Level;
+use crate::tally::Counts;
 
-pub use records::{Damage, ReadError};
+pub use damage::{Damage, ReadError};
+use gathering::Gathering;
+pub use reel::{Place, Reel, ReelError};
 pub use repair::{RepairError, Repaired, repair};
 
-/// A session as its file holds it.
+/// A session as its file holds it; of each message `B` is kept: its bytes, or the [`Place`] where they stand.
 #[derive(Clone, Debug, Default)]
-pub struct Recording {
+pub struct Recording<B = Vec<u8>> {
     /// Whose session it is.
     pub robot: Option<RobotName>,
     /// Version and git revision of the recorder.
@@ -40,7 +46,7 @@ pub struct Recording {
     /// The attached model files by name.
     pub models: BTreeMap<String, Vec<u8>>,
     /// Every message that can be played, by arrival; equal arrivals in the order of the file.
-    pub messages: Vec<Recorded>,
+    pub messages: Vec<Recorded<B>>,
     /// What the recorder noted for people.
     pub notes: Vec<Noted>,
     /// Every channel of the file.
@@ -58,15 +64,15 @@ pub struct Recording {
 
 /// One message as it travelled.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Recorded {
+pub struct Recorded<B = Vec<u8>> {
     /// When it reached the recorder, by the recorder's clock.
     pub at: Stamp,
     /// On which topic.
     pub topic: Topic,
     /// Its header.
     pub header: Header,
-    /// Its bytes, header included.
-    pub bytes: Vec<u8>,
+    /// Its bytes, header included, or where they stand.
+    pub bytes: B,
 }
 
 /// What the file knows of a node.
@@ -121,6 +127,24 @@ impl ChannelRead {
     }
 }
 
+/// What is kept of a message's bytes.
+pub trait Keep: Sized {
+    /// Keeps the bytes, or where they stand.
+    fn keep(bytes: Vec<u8>, place: Place) -> Self;
+}
+
+impl Keep for Vec<u8> {
+    fn keep(bytes: Vec<u8>, _: Place) -> Self {
+        bytes
+    }
+}
+
+impl Keep for Place {
+    fn keep(_: Vec<u8>, place: Place) -> Self {
+        place
+    }
+}
+
 impl Recording {
     /// Reads the bytes of a session file.
     ///
@@ -128,32 +152,32 @@ impl Recording {
     /// If there is no session in it at all. What is merely damaged is read as far as it goes.
     pub fn read(file: &[u8]) -> Result<Self, ReadError> {
         let mut parts = PartsReader::default();
-        parts.add(file)?;
+        parts.add(Cursor::new(file))?;
         parts.finish()
     }
 }
 
-/// Reads the parts of one session together, in their order. One part is held in memory at a time.
+/// Reads the parts of one session together, in their order.
 #[derive(Default)]
-pub struct PartsReader {
-    gathering: Gathering,
-    parts: usize,
+pub struct PartsReader<B = Vec<u8>> {
+    gathering: Gathering<B>,
+    parts: u16,
     damage: Vec<(usize, Damage)>,
 }
 
-impl PartsReader {
+impl<B: Keep> PartsReader<B> {
     /// Reads the next part. A part of another session is left out, which is said as [`Damage::OtherSession`].
     ///
     /// # Errors
-    /// If it is no MCAP file; then what was read before stands as it was.
-    pub fn add(&mut self, file: &[u8]) -> Result<(), ReadError> {
+    /// If it is no MCAP file, or the system cannot read it; then what was read before stands as it was.
+    pub fn add(&mut self, mut file: impl Read + Seek) -> Result<(), ReadError> {
         let gathering = &mut self.gathering;
-        gathering.begin_part(self.parts > 0);
-        records::summary(file, |record| gathering.introduce(&record));
-        let damage = records::walk(file, |record| gathering.take(record))?;
+        gathering.begin_part(self.parts);
+        records::summary(&mut file, |record| gathering.introduce(&record));
+        let damage = records::walk(&mut file, |spot, record| gathering.take(spot, record))?;
         self.parts += 1;
-        let number = self.parts;
-        if gathering.is_stranger {
+        let number = usize::from(self.parts);
+        if gathering.is_stranger() {
             self.damage.push((number, Damage::OtherSession));
         } else {
             self.damage.extend(damage.into_iter().map(|damage| (number, damage)));
@@ -165,7 +189,7 @@ impl PartsReader {
     ///
     /// # Errors
     /// If there is no session in it at all.
-    pub fn finish(self) -> Result<Recording, ReadError> {
+    pub fn finish(self) -> Result<Recording<B>, ReadError> {
         let is_whole = self.parts < 2;
         let place = |(part, damage)| match is_whole {
             true => damage,
@@ -179,285 +203,4 @@ impl PartsReader {
         let is_session = recording.robot.is_some() || !recording.messages.is_empty();
         is_session.then_some(recording).ok_or(ReadError::NoSession)
     }
-}
-
-/// What is collected while the file is walked through.
-#[derive(Default)]
-struct Gathering {
-    recording: Recording,
-    channels: BTreeMap<u16, Known>,
-    heard: Vec<(Nanos, Topic, Header)>,
-    bodies: BTreeMap<(Topic, Session, u64), Vec<u8>>,
-    tally: Tally,
-    unknown: u64,
-    unreadable_journals: u64,
-    layout: Option<String>,
-    /// Not the first file that is read.
-    is_later: bool,
-    /// The file belongs to another session.
-    is_stranger: bool,
-    /// When this part begins, in nanoseconds since 1970, if it is a later one of its session.
-    begins: Option<Nanos>,
-    /// What lasts, and so stands at the beginning of every part.
-    lasting: BTreeSet<(Topic, Session, u64)>,
-}
-
-#[derive(Clone, Copy)]
-struct Known {
-    index: usize,
-    kind: Kind,
-}
-
-#[derive(Clone, Copy)]
-enum Kind {
-    Message(Topic),
-    Journal(NodeName),
-    Log,
-    Other,
-}
-
-impl Gathering {
-    /// Another file numbers its channels anew.
-    fn begin_part(&mut self, is_later: bool) {
-        self.channels.clear();
-        (self.is_later, self.is_stranger, self.begins) = (is_later, false, None);
-    }
-
-    fn take(&mut self, record: Record<'_>) {
-        match record {
-            _ if self.is_stranger => {}
-            Record::Message { header, data } => self.message(&header, &data),
-            Record::Metadata(metadata) => self.metadata(&metadata.name, metadata.metadata),
-            Record::Attachment { header, data, .. } => {
-                self.recording.models.insert(header.name, data.into_owned());
-            }
-            record => self.introduce(&record),
-        }
-    }
-
-    fn introduce(&mut self, record: &Record<'_>) {
-        let Record::Channel(channel) = record else { return };
-        if self.channels.contains_key(&channel.id) || self.is_stranger {
-            return;
-        }
-        let parsed = keys::parse(&channel.topic);
-        if self.recording.robot.is_none() {
-            self.recording.robot = parsed.as_ref().map(|(robot, _)| robot.clone());
-        }
-        let kind = match parsed {
-            Some((_, Topic::Journal(node))) if channel.message_encoding == JOURNAL_ENCODING => Kind::Journal(node),
-            Some((_, topic)) if is_played(topic) => Kind::Message(topic),
-            None if channel.topic.starts_with(keys::ROOT) && channel.topic.ends_with("/log") => Kind::Log,
-            _ => Kind::Other,
-        };
-        let same = |known: &ChannelRead| known.topic == channel.topic && known.encoding == channel.message_encoding;
-        let known = self.recording.channels.iter().position(same);
-        let index = known.unwrap_or(self.recording.channels.len());
-        self.channels.insert(channel.id, Known { index, kind });
-        if known.is_some() {
-            return;
-        }
-        self.recording.channels.push(ChannelRead {
-            topic: channel.topic.clone(),
-            encoding: channel.message_encoding.clone(),
-            ..ChannelRead::default()
-        });
-    }
-
-    fn message(&mut self, header: &mcap::records::MessageHeader, data: &[u8]) {
-        let Some(known) = self.channels.get(&header.channel_id).copied() else {
-            self.unknown += 1;
-            return;
-        };
-        if let Kind::Message(topic) = known.kind
-            && is_lasting(topic)
-            && self.is_repeated(topic, header.log_time, data)
-        {
-            return;
-        }
-        if let Some(channel) = self.recording.channels.get_mut(known.index) {
-            let first = if channel.messages == 0 {
-                header.log_time
-            } else {
-                channel.first
-            };
-            channel.first = first.min(header.log_time);
-            channel.last = channel.last.max(header.log_time);
-            channel.messages += 1;
-        }
-        match known.kind {
-            Kind::Message(topic) => {
-                if let Some(read) = protobuf::header(data) {
-                    self.tally.count(topic, &read);
-                    self.heard.push((header.log_time, topic, read));
-                }
-            }
-            Kind::Journal(node) => self.journal(node, data),
-            Kind::Log => {
-                let (level, about, text) = protobuf::log_line(data);
-                // The epoch may not be known yet: made relative at the end.
-                let at = Stamp(header.log_time);
-                self.recording.notes.push(Noted { at, level, about, text });
-            }
-            Kind::Other => {}
-        }
-    }
-
-    /// Whether this only stands here so that the part can be read alone, and was read before.
-    fn is_repeated(&mut self, topic: Topic, log_time: Nanos, data: &[u8]) -> bool {
-        let Some(header) = protobuf::header(data) else {
-            return false;
-        };
-        let is_new = self.lasting.insert((topic, header.session, header.seq.0));
-        self.is_later && !is_new && self.begins == Some(log_time)
-    }
-
-    fn journal(&mut self, node: NodeName, bytes: &[u8]) {
-        let Ok(batch) = decode::<JournalBatch>(bytes) else {
-            self.unreadable_journals += 1;
-            return;
-        };
-        // The recorder's own holds what lasts when a part begins, and no part of it can be missing.
-        if node != NodeName::Recorder {
-            self.tally.count_journal(&JournalPart {
-                node,
-                header: batch.header,
-                first: batch.body.first,
-                entries: batch.body.entries.len() as u64,
-                lost: batch.body.lost,
-                bytes: Vec::new(),
-            });
-        }
-        for entry in batch.body.entries {
-            let (Happening::Sample { topic, bytes } | Happening::Output { topic, bytes }) = entry.what else {
-                continue;
-            };
-            if let (true, Ok((_, header))) = (is_played(topic), tandem_wire::codec::peek(&bytes)) {
-                self.bodies
-                    .entry((topic, header.session, header.seq.0))
-                    .or_insert(bytes);
-            }
-        }
-    }
-
-    fn metadata(&mut self, name: &str, mut fields: BTreeMap<String, String>) {
-        let mut take = |key: &str| fields.remove(key).unwrap_or_default();
-        match name {
-            "tandem.session" => {
-                let epoch = take("epoch_unix_nanos").parse().unwrap_or(0);
-                if self.is_later && epoch != self.recording.epoch_unix_nanos {
-                    self.is_stranger = true;
-                    return;
-                }
-                self.recording.epoch_unix_nanos = epoch;
-                self.recording.robot = take("robot").parse().ok().or(self.recording.robot.take());
-                self.recording.recorder_build = take("recorder_build");
-                self.layout = Some(take("layout_version"));
-            }
-            COUNTS => self.recording.closing = fields,
-            PART => {
-                self.recording.first_part.get_or_insert(take("number"));
-                let begins: Option<Nanos> = take("begins_ns").parse().ok();
-                self.begins = begins.map(|begins| self.recording.epoch_unix_nanos.saturating_add(begins));
-            }
-            _ => {
-                let node = name.strip_prefix("tandem.node.");
-                let node = node.and_then(|name| NodeName::ALL.into_iter().find(|node| node.as_str() == name));
-                if let Some(node) = node {
-                    let record = NodeRecord {
-                        session: take("session"),
-                        seed: take("seed"),
-                        build: take("build"),
-                        config: take("config"),
-                        model_sha256: Some(take("model_sha256")).filter(|hash| !hash.is_empty()),
-                    };
-                    self.recording.nodes.insert(node, record);
-                }
-            }
-        }
-    }
-
-    fn assemble(mut self, damage: Vec<Damage>) -> Recording {
-        let first = self.heard.iter().map(|(log, ..)| *log).min().unwrap_or(0);
-        if self.recording.epoch_unix_nanos == 0 {
-            self.recording.epoch_unix_nanos = first;
-        }
-        let epoch = self.recording.epoch_unix_nanos;
-        for note in &mut self.recording.notes {
-            note.at.0 = note.at.0.saturating_sub(epoch);
-        }
-        self.recording.damage = damage;
-        let without_body = self.join(epoch);
-        self.recording.counts = self.tally.counts();
-        let mut damaged = |is_so: bool, what: Damage| self.recording.damage.extend(is_so.then_some(what));
-        damaged(self.unknown > 0, Damage::UnknownChannel { messages: self.unknown });
-        let parts = self.unreadable_journals;
-        damaged(parts > 0, Damage::Journal { parts });
-        damaged(without_body > 0, Damage::WithoutBody { messages: without_body });
-        if let Some(version) = self.layout
-            && version != tandem_wire::codec::VERSION.to_string()
-        {
-            damaged(true, Damage::OtherLayout { version });
-        }
-        self.recording
-    }
-
-    /// Gives every message its arrival, and says how many have no bytes. A repeated message counts once.
-    fn join(&mut self, epoch: Nanos) -> u64 {
-        let mut without_body = 0;
-        let mut delays = BTreeMap::<Session, Nanos>::new();
-        let mut done = BTreeSet::new();
-        for (log, topic, header) in &self.heard {
-            let at = Stamp(log.saturating_sub(epoch));
-            let delay = at.0.saturating_sub(header.sent.0);
-            let least = delays.entry(header.session).or_insert(delay);
-            *least = delay.min(*least);
-            let id = (*topic, header.session, header.seq.0);
-            if !done.insert(id) {
-                continue;
-            }
-            self.tally.time(at, *topic, header);
-            match self.bodies.remove(&id) {
-                Some(bytes) => self.recording.messages.push(Recorded {
-                    at,
-                    topic: *topic,
-                    header: *header,
-                    bytes,
-                }),
-                None => without_body += 1,
-            }
-        }
-        // What is left was never heard: its sender's stamp says where it belongs.
-        for ((topic, session, _), bytes) in std::mem::take(&mut self.bodies) {
-            if let (Some(delay), Ok((_, header))) = (delays.get(&session), tandem_wire::codec::peek(&bytes)) {
-                self.recording.messages.push(Recorded {
-                    at: header.sent.after(*delay),
-                    topic,
-                    header,
-                    bytes,
-                });
-            }
-        }
-        self.recording.messages.sort_by_key(|message| message.at);
-        without_body
-    }
-}
-
-/// What holds until the next of its kind, and so is repeated at the beginning of every part.
-const fn is_lasting(topic: Topic) -> bool {
-    matches!(topic, Topic::Scene | Topic::Trial | Topic::Forecast)
-}
-
-/// What is a message of the loop, as opposed to what is about it.
-const fn is_played(topic: Topic) -> bool {
-    matches!(
-        topic,
-        Topic::Command
-            | Topic::Proposal
-            | Topic::Forecast
-            | Topic::Setpoint
-            | Topic::State
-            | Topic::Scene
-            | Topic::Trial
-    )
 }

@@ -2,7 +2,7 @@
 
 mod arbiter;
 
-use tandem_settings::{Document, show};
+use tandem_settings::{Document, show, show_at};
 
 use crate::arbiter::{ArbiterSettings, KNOWN, Law, TlsSettings, read};
 
@@ -24,6 +24,24 @@ fn refusal_of_word(key: &str, word: &str) -> String {
 fn absent_keys_take_their_defaults() {
     assert_eq!(read(""), Ok(ArbiterSettings::default()));
     assert_eq!(read("[arbiter]\n[link.tls]"), Ok(ArbiterSettings::default()));
+}
+
+#[test]
+fn a_section_for_one_case_takes_what_it_leaves_out_from_the_one_for_all() {
+    let document = Document::parse(
+        "tandem.toml",
+        "[arbiter]\ntimeout_ms = 250\n[arbiter.left]\nlaw = 'fixed'",
+    )
+    .unwrap();
+    let all: ArbiterSettings = document.section().unwrap();
+    let left = document.section_over("arbiter.left", all.clone()).unwrap();
+    assert_eq!((left.timeout_ms, left.law), (250.0, Law::Fixed));
+    assert_eq!(document.section_over("arbiter.right", all.clone()), Ok(all));
+    assert!(document.has_section("arbiter.left") && !document.has_section("arbiter.right"));
+    let shown = show_at("arbiter.left", &left);
+    assert!(shown.contains("[arbiter.left]\n"), "{shown}");
+    let again = Document::parse("shown", &shown).unwrap();
+    assert_eq!(again.section_at("arbiter.left"), Ok(left));
 }
 
 #[test]

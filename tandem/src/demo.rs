@@ -78,7 +78,7 @@ pub(crate) fn run(flags: &DemoFlags) -> anyhow::Result<Outcome> {
     let began = Instant::now();
     let configuration = configuration(flags)?;
     let interrupted = interrupt::catch()?;
-    let model = shipped::model()?;
+    let model = shipped::model_or(&configuration.predictor.model)?;
     let trained = began.elapsed();
     let pace = configuration.rates.timing().pace;
     let robot = configuration.link.robot.parse()?;

@@ -42,7 +42,7 @@ pub(crate) fn run(flags: &EstopFlags) -> anyhow::Result<Outcome> {
     let link = dial(settings)?;
     let session = fresh_session();
     let mut scene = Scene {
-        observer: Observer::new(&link, Pace::Real)?,
+        observer: Observer::of_topics(&link, Pace::Real, &[Topic::State, Topic::Setpoint])?,
         numbering: Numbering::new(session),
         robot: Witness::default(),
         arbiter: Witness::default(),

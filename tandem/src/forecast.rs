@@ -1,7 +1,7 @@
 //! `tandem forecast`: what a model expects for a context.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use clap::Args;
@@ -25,7 +25,7 @@ pub(crate) struct ForecastFlags {
         allow_hyphen_values = true
     )]
     context: Vec<f64>,
-    /// The first step to print [default: the model's checkpoint].
+    /// The first step to print [default: the model's checkpoint; where the context holds a time, the step then].
     #[arg(long)]
     from: Option<usize>,
     /// Prints one JSON object.
@@ -38,7 +38,7 @@ pub(crate) struct ForecastFlags {
 
 pub(crate) fn run(flags: &ForecastFlags) -> anyhow::Result<Outcome> {
     let model = load(&flags.model)?;
-    let first = flags.from.unwrap_or_else(|| model.checkpoint_step());
+    let first = flags.from.unwrap_or_else(|| model.first_step(&flags.context));
     let forecast = model.forecast(&flags.context, first)?;
     if flags.json {
         println!(
@@ -54,7 +54,7 @@ pub(crate) fn run(flags: &ForecastFlags) -> anyhow::Result<Outcome> {
 }
 
 /// Reads a model file.
-pub(crate) fn load(path: &PathBuf) -> anyhow::Result<Model> {
+pub(crate) fn load(path: &Path) -> anyhow::Result<Model> {
     let bytes = fs::read(path).with_context(|| format!("cannot read the model {}", path.display()))?;
     Model::from_bytes(&bytes).with_context(|| format!("{} is not a model that can be used", path.display()))
 }

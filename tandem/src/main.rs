@@ -9,9 +9,11 @@ mod demo;
 mod estop;
 mod forecast;
 mod interrupt;
+mod keys;
 mod nodes;
 mod parts;
 mod replay;
+mod router;
 mod session;
 mod shipped;
 mod summary;
@@ -57,6 +59,13 @@ enum Subcommands {
     RobotSim(nodes::RobotSimFlags),
     /// Runs the recorder's node: session file and live view.
     Recorder(nodes::RecorderFlags),
+    /// Carries messages between all who dial it, where no node shall listen.
+    Router(router::RouterFlags),
+    /// Makes and manages certificates: who belongs to a site, and may do what.
+    Keys {
+        #[command(subcommand)]
+        command: keys::KeysCommands,
+    },
     /// Plays a recorded session, into Rerun or onto the network under another name.
     Replay(replay::ReplayFlags),
     /// Lets the human of a recorded session meet another law or model.
@@ -119,6 +128,8 @@ fn run() -> ExitCode {
         Subcommands::Arbiter(flags) => nodes::arbiter(&flags),
         Subcommands::RobotSim(flags) => nodes::robot_sim(&flags),
         Subcommands::Recorder(flags) => nodes::recorder(&flags),
+        Subcommands::Router(flags) => router::run(&flags),
+        Subcommands::Keys { command } => keys::run(&command),
         Subcommands::Replay(flags) => replay::run(&flags),
         Subcommands::WhatIf(flags) => what_if::run(&flags),
         Subcommands::Session { command } => session::run(&command),

@@ -5,22 +5,22 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use clap::{Args, ValueEnum};
-use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
-use tandem_link::net::DEFAULT_ENDPOINT;
-use tandem_link::{JournalReport, Link, LinkSettings, Observer, Running, Sighting};
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded, unbounded};
+use tandem_link::{JournalReport, Link, LinkSettings, Observer, Reach, Running, Sighting};
 use tandem_operator::{SourceKind, keyboard};
 use tandem_recorder::Notice;
+use tandem_site::Role;
 use tandem_trials::Configuration;
 use tandem_wire::{NodeName, Trial};
 
 use crate::configuration::{self, BadConfiguration, CommonFlags};
 use crate::parts::{CLOSE_LIMIT, LOOP, Parts, lost};
 use crate::trial::TrialMarks;
-use crate::{Outcome, forecast, interrupt, shipped};
+use crate::{Outcome, interrupt, keys, shipped};
 
 /// Flags that say whom to talk to.
 #[derive(Args, Clone, Debug)]
@@ -34,6 +34,13 @@ pub(crate) struct NodeFlags {
     /// Where to listen; whoever listens routes for the others, so one process is enough.
     #[arg(long, value_name = "ENDPOINT")]
     listen: Vec<String>,
+    /// The folder with this machine's certificates, which tandem keys makes: every connection is TLS, and each role may do
+    /// what is its own.
+    #[arg(long, value_name = "DIR")]
+    site: Option<PathBuf>,
+    /// Which member of the site this is [default: the one whose role is needed].
+    #[arg(long, value_name = "NAME")]
+    member: Option<String>,
     /// Allows listening beyond this machine without certificates.
     #[arg(long)]
     insecure: bool,
@@ -57,6 +64,12 @@ impl NodeFlags {
         if !self.listen.is_empty() {
             overrides.push(("link.listen", list(&self.listen)));
         }
+        let site = self
+            .site
+            .iter()
+            .map(|folder| ("link.site", folder.display().to_string()));
+        overrides.extend(site);
+        overrides.extend(self.member.iter().map(|member| ("link.member", member.clone())));
         if self.insecure {
             overrides.push(("link.insecure", "true".into()));
         }
@@ -167,9 +180,10 @@ impl Process {
     /// Connects, for as long as it takes; `None` if the user gave up first.
     fn begin(parts: &Parts, name: NodeName) -> anyhow::Result<Option<Self>> {
         let interrupted = interrupt::catch()?;
-        let settings = parts.link_settings().clone();
-        eprintln!("{name}: {}", describe(&settings));
-        let Some(link) = connect(&settings, || interrupted.try_recv().is_ok())? else {
+        let settings = parts.link_settings();
+        let reach = Reach::new(settings, Some(Role::of(name)))?;
+        eprintln!("{name}: {}", describe(settings, &reach));
+        let Some(link) = connect(settings, &reach, || interrupted.try_recv().is_ok())? else {
             return Ok(None);
         };
         eprintln!("{name}: ready, robot {:?}; Ctrl-C ends it", link.robot().as_str());
@@ -214,32 +228,103 @@ pub(crate) fn tell_of_journal(name: NodeName, journal: &JournalReport) {
 }
 
 /// Connects, for as long as it takes; `None` if the user gave up first, as `gave_up` tells.
-pub(crate) fn connect(settings: &LinkSettings, gave_up: impl Fn() -> bool) -> anyhow::Result<Option<Link>> {
+pub(crate) fn connect(
+    settings: &LinkSettings,
+    reach: &Reach,
+    gave_up: impl Fn() -> bool,
+) -> anyhow::Result<Option<Link>> {
     let (sender, opened) = bounded(1);
-    let settings = settings.clone();
+    let (robot, dialled) = (settings.robot.parse()?, reach.clone());
     // Dialling blocks until somebody answers; meanwhile Ctrl-C must still work.
-    std::thread::spawn(move || drop(sender.send(Link::open(&settings))));
+    std::thread::spawn(move || drop(sender.send(Link::open_at(robot, &dialled))));
+    let mut knocking = Knocking::new(reach);
     loop {
         match opened.recv_timeout(POLL) {
             Ok(link) => return Ok(Some(link?)),
             Err(RecvTimeoutError::Disconnected) => bail!("the connection attempt ended without a result"),
             Err(RecvTimeoutError::Timeout) if gave_up() => return Ok(None),
-            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Timeout) => knocking.tell(),
         }
     }
 }
+
+/// Says, while a process dials with certificates, why nobody lets it in.
+struct Knocking<'a> {
+    reach: &'a Reach,
+    next: Instant,
+    answers: (Sender<String>, Receiver<String>),
+    said: Vec<String>,
+}
+
+impl<'a> Knocking<'a> {
+    fn new(reach: &'a Reach) -> Self {
+        Self {
+            reach,
+            next: Instant::now() + KNOCK,
+            answers: unbounded(),
+            said: Vec::new(),
+        }
+    }
+
+    fn tell(&mut self) {
+        if Instant::now() >= self.next {
+            self.next = Instant::now() + KNOCK_AGAIN;
+            let (reach, sender) = (self.reach.clone(), self.answers.0.clone());
+            std::thread::spawn(move || {
+                for door in reach.knock() {
+                    let why = match door.answer {
+                        Err(why) => why.to_string(),
+                        Ok(None) => format!(
+                            "somebody answers at {}, but not as Tandem without certificates does; if it has some, say --site",
+                            door.endpoint
+                        ),
+                        Ok(Some(_)) => continue,
+                    };
+                    // Whoever got in meanwhile does not listen any more.
+                    drop(sender.send(why));
+                }
+            });
+        }
+        for why in self.answers.1.try_iter() {
+            if !self.said.contains(&why) {
+                eprintln!("still dialling: {why}");
+                self.said.push(why);
+            }
+        }
+    }
+}
+
+/// How long dialling may take before somebody looks why.
+const KNOCK: Duration = Duration::from_secs(2);
+/// How often it is looked again.
+const KNOCK_AGAIN: Duration = Duration::from_secs(10);
 
 /// How often a process looks whether its node has ended.
 const POLL: Duration = Duration::from_millis(100);
 
 /// Whom it will talk to, in words.
-pub(crate) fn describe(settings: &LinkSettings) -> String {
-    match (settings.listen.as_slice(), settings.connect.as_slice()) {
-        ([], []) => format!("connecting to {DEFAULT_ENDPOINT} (no --listen or --connect given)"),
-        ([], connect) => format!("connecting to {}", connect.join(", ")),
-        (listen, []) => format!("listening on {}", listen.join(", ")),
+pub(crate) fn describe(settings: &LinkSettings, reach: &Reach) -> String {
+    let who = reach.secured.as_ref().map(|secured| {
+        let (member, days) = (&secured.identity.member, secured.identity.certificate.days_left());
+        let soon = if days < keys::SOON {
+            format!(", whose certificate ENDS in {days} days")
+        } else {
+            String::new()
+        };
+        format!("as {}{soon}, ", member.common_name)
+    });
+    let who = who.unwrap_or_default();
+    match (reach.listen.as_slice(), reach.connect.as_slice()) {
+        ([], connect) if settings.connect.is_empty() => {
+            format!(
+                "{who}connecting to {} (no --listen or --connect given)",
+                connect.join(", ")
+            )
+        }
+        ([], connect) => format!("{who}connecting to {}", connect.join(", ")),
+        (listen, []) => format!("{who}listening on {}", listen.join(", ")),
         (listen, connect) => format!(
-            "listening on {}, connecting to {}",
+            "{who}listening on {}, connecting to {}",
             listen.join(", "),
             connect.join(", ")
         ),
@@ -332,10 +417,7 @@ pub(crate) fn predictor(flags: &PredictorFlags) -> anyhow::Result<Outcome> {
         .as_ref()
         .map(|path| ("predictor.model", path.display().to_string()));
     let configuration = flags.node.configuration(model.as_slice())?;
-    let model = match configuration.predictor.model.as_str() {
-        "" => shipped::model()?,
-        path => forecast::load(&PathBuf::from(path))?,
-    };
+    let model = shipped::model_or(&configuration.predictor.model)?;
     let parts = Parts::new(configuration, Some(model))?;
     serve(&parts, NodeName::Predictor, Parts::predictor)
 }

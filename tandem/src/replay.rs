@@ -7,30 +7,27 @@ mod drive;
 mod keyboard;
 mod player;
 mod report;
+mod show;
 mod target;
 
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::{Context as _, bail};
 use clap::Args;
-use crossbeam_channel::{Receiver, never, select};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use tandem_link::Clock;
-use tandem_recorder::{Provenance, Recorded, RecorderConfig, RecorderSettings, Recording};
-use tandem_wire::{Nanos, Pace, RobotName, SECOND, Stamp, Timing, Topic, keys, seconds};
+use crossbeam_channel::Receiver;
+use tandem_link::Reach;
+use tandem_recorder::{Place, Provenance, Recorded, RecorderConfig, RecorderSettings, Recording};
+use tandem_wire::{Nanos, Pace, RobotName, SECOND, Stamp, Timing, Topic, keys};
 
 use crate::configuration::BadConfiguration;
 use crate::nodes::{self, NodeFlags};
 use crate::session::{self, PLAYED};
 use crate::{BUILD, Outcome, interrupt, verify};
-use keyboard::{Key, Keyboard};
-use player::{Event, Output, Plan, Player, Speed};
+use player::{Plan, Player, Speed};
 use report::Report;
+use show::Show;
 use target::{Network, Screen, Target};
-
-/// How often the progress bar moves.
-const REFRESH: Duration = Duration::from_millis(100);
 
 #[derive(Args)]
 pub(crate) struct ReplayFlags {
@@ -130,23 +127,25 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
         return verify::run(&flags.session, &flags.more, flags.json, flags.note);
     }
     let interrupted = interrupt::catch()?;
-    let recording = session::load(&flags.session, &flags.more)?;
-    session::warn(&recording);
-    let timing = session::timing(&recording);
     if flags.drive {
-        let all: Vec<&Recorded> = recording.messages.iter().collect();
+        let recording = session::load(&flags.session, &flags.more)?;
+        session::warn(&recording);
+        let timing = session::timing(&recording);
         let (from, until) = (nanos(flags.from), flags.until.map_or(u64::MAX, nanos));
-        let instants = instants(&all, timing);
-        let between = all.iter().zip(instants).filter(|(_, at)| (from..=until).contains(at));
-        let between: Vec<&Recorded> = between.map(|(message, _)| *message).collect();
+        let timed = recording.messages.iter().zip(instants(&recording.messages, timing));
+        let between = timed.filter(|(_, at)| (from..=until).contains(at));
+        let between: Vec<&Recorded> = between.map(|(message, _)| message).collect();
         return drive::run(flags, &recording, &between, &interrupted);
     }
-    let messages: Vec<&Recorded> = recording
-        .messages
-        .iter()
-        .filter(|message| flags.topics.is_empty() || flags.topics.contains(&message.topic))
-        .filter(|message| !flags.node.is_network() || target::SHOWN.contains(&message.topic))
-        .collect();
+    let (recording, reel) = session::open(&flags.session, &flags.more)?;
+    session::warn(&recording);
+    let timing = session::timing(&recording);
+    // The session's time begins with its first message, whether that one is played or not.
+    let timed = recording.messages.iter().zip(instants(&recording.messages, timing));
+    let (messages, instants): (Vec<&Recorded<Place>>, Vec<Nanos>) = timed
+        .filter(|(message, _)| flags.topics.is_empty() || flags.topics.contains(&message.topic))
+        .filter(|(message, _)| !flags.node.is_network() || target::SHOWN.contains(&message.topic))
+        .unzip();
     let plan = Plan {
         from: nanos(flags.from),
         until: flags.until.map_or(u64::MAX, nanos),
@@ -157,7 +156,8 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
         }),
         repeats: flags.repeats,
     };
-    if Player::new(instants(&messages, timing), plan, Stamp(0)).is_empty() {
+    let player = Player::new(instants, plan, Stamp(0));
+    if player.is_empty() {
         bail!("there is nothing to play: no message of these topics lies between --from and --until");
     }
     let Some(target) = open(flags, &recording, timing, &interrupted)? else {
@@ -165,7 +165,7 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
     };
     let began = Instant::now();
     let is_live = flags.rrd.is_none();
-    let mut show = Show::new(&messages, timing, plan, target, is_live, interrupted);
+    let mut show = Show::new(&messages, reel, player, target, is_live, interrupted);
     let played = show.run();
     let report = show.end();
     played?;
@@ -183,7 +183,7 @@ const INDEXED: Nanos = 600 * SECOND;
 /// The target, or `None` if the user gave up before anybody answered.
 fn open(
     flags: &ReplayFlags,
-    recording: &Recording,
+    recording: &Recording<Place>,
     timing: Timing,
     interrupted: &Receiver<()>,
 ) -> anyhow::Result<Option<Target>> {
@@ -224,7 +224,11 @@ fn open(
     Ok(Some(Target::View(Box::new(screen))))
 }
 
-fn network(flags: &ReplayFlags, recording: &Recording, interrupted: &Receiver<()>) -> anyhow::Result<Option<Target>> {
+fn network(
+    flags: &ReplayFlags,
+    recording: &Recording<Place>,
+    interrupted: &Receiver<()>,
+) -> anyhow::Result<Option<Target>> {
     let settings = flags.node.configuration(&[])?.link;
     if recording
         .robot
@@ -241,8 +245,15 @@ fn network(flags: &ReplayFlags, recording: &Recording, interrupted: &Receiver<()
         Some(Speed::Max) => Pace::Lockstep,
         _ => Pace::Real,
     };
-    eprintln!("replay: {}", nodes::describe(&settings));
-    let Some(link) = nodes::connect(&settings, || interrupted.try_recv().is_ok())? else {
+    if !settings.site.is_empty() {
+        // It plays everybody's part, and a certificate stands for one.
+        let why =
+            "a replay cannot be published with certificates: leave --site out, and publish it on loopback".to_owned();
+        return Err(BadConfiguration::Conflict(why).into());
+    }
+    let reach = Reach::new(&settings, None)?;
+    eprintln!("replay: {}", nodes::describe(&settings, &reach));
+    let Some(link) = nodes::connect(&settings, &reach, || interrupted.try_recv().is_ok())? else {
         return Ok(None);
     };
     let only_dials = settings.listen.is_empty();
@@ -252,7 +263,7 @@ fn network(flags: &ReplayFlags, recording: &Recording, interrupted: &Receiver<()
 
 /// When each message happened on the session's time axis, from the first one on: by arrival, or in lockstep, whose
 /// messages arrive as fast as they can, by tick. Marks without a tick of their own stay where they arrived.
-fn instants(messages: &[&Recorded], timing: Timing) -> Vec<Nanos> {
+fn instants<B>(messages: &[Recorded<B>], timing: Timing) -> Vec<Nanos> {
     let mut newest = 0;
     let stamps = messages.iter().map(|message| {
         let at = match timing.pace {
@@ -274,162 +285,4 @@ fn instants(messages: &[&Recorded], timing: Timing) -> Vec<Nanos> {
 )]
 fn nanos(seconds: f64) -> Nanos {
     (seconds * 1e9).round() as Nanos
-}
-
-/// The player in its shell: clock, keys, target.
-struct Show<'a> {
-    messages: &'a [&'a Recorded],
-    player: Player,
-    target: Target,
-    clock: Clock,
-    keyboard: Option<Keyboard<Key>>,
-    interrupted: Receiver<()>,
-    bar: ProgressBar,
-    outputs: Vec<Output>,
-    late: Vec<Nanos>,
-    passes: u64,
-    played: u64,
-    /// When the target was last looked at.
-    looked: Instant,
-}
-
-impl<'a> Show<'a> {
-    fn new(
-        messages: &'a [&'a Recorded],
-        timing: Timing,
-        plan: Plan,
-        target: Target,
-        is_live: bool,
-        interrupted: Receiver<()>,
-    ) -> Self {
-        let clock = Clock::of_process();
-        let instants = instants(messages, timing);
-        let bar = ProgressBar::with_draw_target(
-            Some(instants.last().map_or(0, |last| last / 1_000_000)),
-            ProgressDrawTarget::stderr(),
-        );
-        let style = ProgressStyle::with_template("{bar:40} {msg}");
-        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        let keyboard = is_live.then(|| Keyboard::open(keyboard::playing));
-        if keyboard.as_ref().is_some_and(Keyboard::is_there) {
-            eprintln!("{}\r", keyboard::HELP);
-        }
-        Self {
-            messages,
-            player: Player::new(instants, plan, clock.now()),
-            target,
-            clock,
-            keyboard,
-            interrupted,
-            bar,
-            outputs: Vec::new(),
-            late: Vec::with_capacity(messages.len()),
-            passes: 1,
-            played: 0,
-            looked: Instant::now(),
-        }
-    }
-
-    fn run(&mut self) -> anyhow::Result<()> {
-        self.show_what_holds(self.player.next())?;
-        loop {
-            let Some(event) = self.next_event()? else { return Ok(()) };
-            self.player.step(self.clock.now(), event, &mut self.outputs);
-            let outputs = std::mem::take(&mut self.outputs);
-            for output in &outputs {
-                match *output {
-                    Output::Play { index, due } => self.play(index, due)?,
-                    Output::Jumped { to } => self.jump(to)?,
-                    // What vanished with the last messages in its hands has not shown them.
-                    Output::Ended => return self.target.look(),
-                }
-            }
-            self.outputs = outputs;
-            self.outputs.clear();
-        }
-    }
-
-    /// The next key or the deadline, whichever comes first; `None` when it shall end. An error if the target vanished,
-    /// also while it is paused.
-    fn next_event(&mut self) -> anyhow::Result<Option<Event>> {
-        let silent = never();
-        loop {
-            let now = Instant::now();
-            if now.duration_since(self.looked) >= REFRESH {
-                self.looked = now;
-                self.target.look()?;
-            }
-            let keys = self.keyboard.as_ref().map_or(&silent, Keyboard::keys);
-            let refresh = now + REFRESH;
-            let due = self.player.deadline().map(|due| self.clock.instant(due));
-            let until = due.map_or(refresh, |due| due.min(refresh));
-            self.draw();
-            let key = select! {
-                recv(self.interrupted) -> _ => Some(Key::Quit),
-                recv(keys) -> key => key.ok(),
-                default(until.saturating_duration_since(now)) => None,
-            };
-            match key {
-                Some(Key::Quit) => return Ok(None),
-                Some(Key::Player(event)) => return Ok(Some(event)),
-                None if due == Some(until) || until <= now => return Ok(Some(Event::Wake)),
-                None => {}
-            }
-        }
-    }
-
-    fn play(&mut self, index: usize, due: Stamp) -> anyhow::Result<()> {
-        let Some(message) = self.messages.get(index) else {
-            return Ok(());
-        };
-        self.late.push(self.clock.now().since(due));
-        self.played += 1;
-        self.target.play(message)
-    }
-
-    fn jump(&mut self, to: usize) -> anyhow::Result<()> {
-        self.passes += 1;
-        self.target.begin_again()?;
-        self.show_what_holds(to)
-    }
-
-    /// Whoever looks from here on needs the surroundings, the trial and the forecast that hold here.
-    fn show_what_holds(&mut self, here: usize) -> anyhow::Result<()> {
-        let before = self.messages.get(..here).unwrap_or_default();
-        let newest = |topic: &Topic| before.iter().rposition(|message| message.topic == *topic);
-        let topics = [Topic::Scene, Topic::Trial, Topic::Forecast];
-        let mut lasting: Vec<usize> = topics.iter().filter_map(newest).collect();
-        lasting.sort_unstable();
-        lasting
-            .into_iter()
-            .try_for_each(|index| self.target.play(before[index]))
-    }
-
-    fn draw(&self) {
-        let at = self.player.position(self.clock.now());
-        let speed = match self.player.speed() {
-            _ if self.player.is_paused() => "paused".to_owned(),
-            Speed::Max => "max".to_owned(),
-            Speed::PerMille(speed) => format!("× {}", f64::from(speed) / 1000.0),
-        };
-        self.bar.set_position(at / 1_000_000);
-        let length = self.bar.length().unwrap_or(0);
-        self.bar
-            .set_message(format!("{:.1} of {:.1} s  {speed}", seconds(at), length as f64 * 1e-3));
-    }
-
-    fn end(mut self) -> Report {
-        self.bar.finish_and_clear();
-        self.keyboard = None;
-        self.late.sort_unstable();
-        let closing = self.target.close();
-        Report {
-            played: self.played,
-            passes: self.passes,
-            is_paced: self.player.speed() != Speed::Max,
-            lost: closing.lost,
-            was_there: closing.was_there,
-            late: self.late,
-        }
-    }
 }

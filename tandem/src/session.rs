@@ -6,7 +6,9 @@ mod info;
 mod stops;
 mod verdict;
 
-use std::path::{Path, PathBuf};
+use std::fs::File;
+use std::io::{BufReader, BufWriter};
+use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
 use clap::{Args, Subcommand};
@@ -17,8 +19,7 @@ use tandem_wire::{Timing, Topic};
 
 use crate::{Outcome, verify};
 use export::Format;
-pub(crate) use family::load;
-pub(crate) use family::parts;
+pub(crate) use family::{Part, load, open, parts};
 pub(crate) use verdict::note;
 
 /// What is played and exported.
@@ -117,19 +118,15 @@ pub(crate) fn run(command: &SessionCommands) -> anyhow::Result<Outcome> {
     }
 }
 
-fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
-    std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
-}
-
 /// Says on the side what is missing.
-pub(crate) fn warn(recording: &Recording) {
+pub(crate) fn warn<B>(recording: &Recording<B>) {
     for damage in &recording.damage {
         eprintln!("session: {damage}");
     }
 }
 
 /// The rates that the nodes ran at; the usual ones if the file does not say.
-pub(crate) fn timing(recording: &Recording) -> Timing {
+pub(crate) fn timing<B>(recording: &Recording<B>) -> Timing {
     let settings = recording.nodes.values().find_map(|node| {
         let document = Document::parse("the recorded configuration", &node.config).ok()?;
         document.section::<LoopSettings>().ok()
@@ -138,14 +135,14 @@ pub(crate) fn timing(recording: &Recording) -> Timing {
 }
 
 fn mend(flags: &RepairFlags) -> anyhow::Result<Outcome> {
-    let bytes = read(&flags.file)?;
+    let damaged = File::open(&flags.file).with_context(|| format!("cannot read {}", flags.file.display()))?;
     let to = flags
         .output
         .clone()
         .unwrap_or_else(|| flags.file.with_extension("repaired.mcap"));
     // A new file only: the damaged one may be all there is.
-    let file = std::fs::File::create_new(&to).with_context(|| format!("cannot create {}", to.display()))?;
-    let repaired = match repair(&bytes, std::io::BufWriter::new(file)) {
+    let file = File::create_new(&to).with_context(|| format!("cannot create {}", to.display()))?;
+    let repaired = match repair(BufReader::new(damaged), BufWriter::new(file)) {
         Ok(repaired) => repaired,
         Err(error) => {
             // Nothing worth keeping; if even this fails, an empty file stays.

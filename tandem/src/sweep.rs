@@ -7,6 +7,7 @@ use std::time::Instant;
 use anyhow::Context as _;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
+use tandem_predictor::PredictorSettings;
 use tandem_settings::Document;
 use tandem_trials::sweep::{Grid, Store, Summary, svg, table, text, work_off};
 
@@ -38,7 +39,8 @@ const SHIPPED: &str = include_str!("../../examples/plans/sweep.toml");
 pub(crate) fn run(flags: &SweepFlags) -> anyhow::Result<Outcome> {
     let began = Instant::now();
     let document = document(flags)?;
-    let grid = Grid::from_document(&document, shipped::model()?)
+    let predictor: PredictorSettings = document.section().map_err(BadConfiguration::from)?;
+    let grid = Grid::from_document(&document, shipped::model_or(&predictor.model)?)
         .map_err(|error| BadConfiguration::Conflict(error.to_string()))?;
     let interrupted = interrupt::catch()?;
     let store = Store::open(&flags.out, &grid)?;

@@ -32,6 +32,10 @@ pub(crate) struct TrainFlags {
     /// The step at which the condition is known.
     #[arg(long, default_value_t = Settings::default().checkpoint_step)]
     checkpoint_step: usize,
+    /// A model that is conditioned anew on every tick after the checkpoint: its context is a time and a position. Other
+    /// defaults: context_gain 0.01, jitter 10 mm. The demonstrations' own context columns do not count.
+    #[arg(long)]
+    replan: bool,
     /// Any other hyper-parameter as TOML, as in --set units=300 or --set 'feedback={gain=0.01}'.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -48,7 +52,11 @@ pub(crate) fn run(flags: &TrainFlags) -> anyhow::Result<Outcome> {
         .map(read)
         .collect::<anyhow::Result<Vec<_>>>()?;
     let began = Instant::now();
-    let model = Model::train(&demonstrations, &settings)?;
+    let model = if flags.replan {
+        Model::train_replanning(&demonstrations, &settings)?
+    } else {
+        Model::train(&demonstrations, &settings)?
+    };
     let millis = began.elapsed().as_secs_f64() * 1e3;
     let bytes = model.to_bytes();
     fs::write(&flags.output, &bytes).with_context(|| format!("cannot write {}", flags.output.display()))?;
@@ -67,8 +75,17 @@ fn read(path: &PathBuf) -> anyhow::Result<Demonstration> {
 
 fn settings(flags: &TrainFlags) -> anyhow::Result<Settings> {
     let wrong = |what: String| BadConfiguration::Conflict(what);
-    let mut settings: Settings =
-        toml::from_str(&flags.set.join("\n")).map_err(|error| wrong(format!("--set: {}", error.message())))?;
+    let unreadable = |error: toml::de::Error| wrong(format!("--set: {}", error.message()));
+    let mut given: toml::Table = toml::from_str(&flags.set.join("\n")).map_err(unreadable)?;
+    if flags.replan {
+        let defaults = toml::Table::try_from(Settings::replanning())?;
+        for key in ["context_gain", "jitter"] {
+            if let Some(value) = defaults.get(key).filter(|_| !given.contains_key(key)) {
+                given.insert(key.to_owned(), value.clone());
+            }
+        }
+    }
+    let mut settings: Settings = given.try_into().map_err(unreadable)?;
     settings.ridge = match flags.ridge.as_str() {
         "evidence" => settings.ridge,
         "ols" => Ridge::None,
@@ -101,6 +118,7 @@ fn report(flags: &TrainFlags, model: &Model, bytes: usize, millis: f64) -> anyho
             "ratio_high": calibration.rho_hi,
             "steps": model.steps(),
             "checkpoint_step": model.checkpoint_step(),
+            "last_condition_step": model.last_condition_step(),
             "context_columns": model.context_columns(),
             "output_columns": model.output_columns(),
             "warnings": model.warnings().iter().map(ToString::to_string).collect::<Vec<_>>(),

@@ -40,7 +40,7 @@ pub(crate) struct WhatIfFlags {
 
 pub(crate) fn run(flags: &WhatIfFlags) -> anyhow::Result<Outcome> {
     let began = Instant::now();
-    let other = flags.model.as_ref().map(forecast::load).transpose()?;
+    let other = flags.model.as_deref().map(forecast::load).transpose()?;
     let recording = session::load(&flags.session, &[])?;
     let evidence = verify::read(&flags.session, &[])?;
     session::warn(&recording);

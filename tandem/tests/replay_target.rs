@@ -201,3 +201,40 @@ fn a_viewer_is_shown_all_and_one_that_is_killed_ends_the_replay_with_a_sentence(
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("has gone: start it, and replay again"), "{said}");
 }
+
+#[test]
+fn a_name_is_spoken_for_by_one_replay_and_by_none_once_its_robot_comes_alive() {
+    let endpoint = endpoint();
+    let router = link(LinkSettings {
+        listen: vec![endpoint.clone()],
+        ..LinkSettings::default()
+    });
+    let observer = Observer::new(&router, Pace::Real).expect("an observer");
+    // It would go on for ever.
+    let first = replay(&["--robot", "ghost", "--connect", &endpoint, "--loop"]);
+    assert!(observer.next(LIMIT).is_some(), "it plays");
+    let (code, said) = ended(ghost(&endpoint));
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("another replay plays as \"ghost\""), "{said}");
+    let robot = Process::start(&["robot-sim", "--robot", "ghost", "--connect", &endpoint]);
+    let (code, said) = ended(first);
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("a robot-sim has come alive as \"ghost\""), "{said}");
+    robot.end();
+    router.close();
+}
+
+#[test]
+fn from_and_until_count_from_the_sessions_beginning_whatever_topics_are_played() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rrd = folder.path().join("x.rrd");
+    let rrd = rrd.to_str().expect("a plain path");
+    // The forecast is made at the checkpoint, more than four seconds into the demo.
+    let forecast = ["--rrd", rrd, "--topics", "forecast"];
+    let (code, said) = ended(replay(&[&forecast[..], &["--until", "2"]].concat()));
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("nothing to play"), "{said}");
+    let (code, said) = ended(replay(&[&forecast[..], &["--from", "2"]].concat()));
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("1 messages played"), "{said}");
+}

@@ -55,15 +55,19 @@ fn refusal(arguments: &[&str]) -> String {
 
 #[test]
 fn the_plans_that_ship_pass_their_check() {
-    for (plan, trials) in [("plans/paper.toml", "28"), ("plans/beyond.toml", "126")] {
+    let inside = "10 interpolated, 4 extrapolated";
+    for (plan, trials, contexts) in [
+        ("plans/paper.toml", "28", inside),
+        ("plans/beyond.toml", "140", inside),
+        ("plans/lossy.toml", "48", "5 interpolated, 3 extrapolated"),
+    ] {
         let output = tandem(&["trial", "check", text(&examples(plan))]);
         let said = String::from_utf8_lossy(&output.stdout).into_owned();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         assert!(said.contains(&format!("{trials} for each participant")), "{said}");
-        assert!(
-            said.contains("10 interpolated, 4 extrapolated") && said.contains("order of S1"),
-            "{said}"
-        );
+        assert!(said.contains(contexts) && said.contains("order of S1"), "{said}");
+        let late = "late-fixed: command 100 ms late; state-to-operator 100 ms late";
+        assert_eq!(said.contains(late), plan.contains("lossy"), "{said}");
     }
 }
 

@@ -152,9 +152,49 @@ fn a_demo_in_lockstep_comes_out_the_same() {
 }
 
 #[test]
+fn a_demo_over_a_bad_line_in_lockstep_comes_out_the_same() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let bad = [
+        "impairment.command.delay_ms=30",
+        "impairment.command.loss=0.05",
+        "impairment.setpoint.jitter_ms=40",
+        "impairment.setpoint.loss=0.05",
+        "impairment.state-to-operator.loss=0.05",
+        "impairment.proposal.reorder=0.1",
+    ];
+    let set = bad.iter().flat_map(|one| ["--set", *one]);
+    let flags: Vec<&str> = ["--pace", "max", "--seed", "5"].into_iter().chain(set).collect();
+    assert_identical(&demo(folder.path(), &flags));
+}
+
+#[test]
 fn a_demo_in_real_time_comes_out_the_same() {
     let folder = tempfile::tempdir().expect("a folder");
     assert_identical(&demo(folder.path(), &["--pace", "real"]));
+}
+
+#[test]
+fn a_session_forecast_anew_on_every_tick_comes_out_the_same() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let model = folder.path().join("anew.cesn");
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/demonstrations");
+    let trained = Command::new(env!("CARGO_BIN_EXE_tandem"))
+        .args(["train", "--replan", "--set", "units=200", "--output"])
+        .arg(&model)
+        .args(["planar_a08.csv", "planar_a11.csv", "planar_a14.csv"].map(|name| examples.join(name)))
+        .output()
+        .expect("tandem starts");
+    assert!(trained.status.success(), "{}", String::from_utf8_lossy(&trained.stderr));
+    let model = format!("predictor.model={}", model.display());
+    for pace in ["max", "real"] {
+        let session = demo(folder.path(), &["--pace", pace, "--set", &model]);
+        assert_identical(&session);
+        let (_, said) = verdict(&session);
+        assert!(
+            of(&said, "predictor")["outputs"].as_u64() > Some(84 + 35),
+            "a forecast for every tick: {said}"
+        );
+    }
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Everything that can be set, checked.
 
 use tandem_arbiter::ArbiterSettings;
-use tandem_link::{ImpairmentSettings, LinkSettings, LoopSettings, TaskSettings};
+use tandem_link::{Impairments, LinkSettings, LoopSettings, TaskSettings};
 use tandem_operator::{HumanSettings, OperatorSettings};
 use tandem_predictor::PredictorSettings;
 use tandem_recorder::RecorderSettings;
@@ -15,8 +15,8 @@ use crate::drive::DriveSettings;
 pub struct Configuration {
     /// Who to talk to.
     pub link: LinkSettings,
-    /// A bad line, on purpose.
-    pub impairment: ImpairmentSettings,
+    /// Bad lines, on purpose.
+    pub impairment: Impairments,
     /// Rates, limits in time and the seed.
     pub rates: LoopSettings,
     /// Where the task lies.
@@ -39,9 +39,15 @@ pub struct Configuration {
 
 impl Configuration {
     /// The sections it is read from.
-    pub const SECTIONS: [&'static str; 11] = [
+    pub const SECTIONS: [&'static str; 17] = [
         LinkSettings::NAME,
-        ImpairmentSettings::NAME,
+        Impairments::SECTIONS[0],
+        Impairments::SECTIONS[1],
+        Impairments::SECTIONS[2],
+        Impairments::SECTIONS[3],
+        Impairments::SECTIONS[4],
+        Impairments::SECTIONS[5],
+        Impairments::SECTIONS[6],
         LoopSettings::NAME,
         TaskSettings::NAME,
         OperatorSettings::NAME,
@@ -68,7 +74,7 @@ impl Configuration {
     pub fn from_document_beside(document: &Document, others: &[&str]) -> Result<Self, Error> {
         let configuration = Self {
             link: document.section()?,
-            impairment: document.section()?,
+            impairment: Impairments::from_document(document)?,
             rates: document.section()?,
             task: document.section()?,
             operator: document.section()?,
@@ -88,7 +94,7 @@ impl Configuration {
     pub fn to_toml(&self) -> String {
         [
             show(&self.link),
-            show(&self.impairment),
+            self.impairment.to_toml(),
             show(&self.rates),
             show(&self.task),
             show(&self.operator),

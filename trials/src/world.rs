@@ -18,7 +18,7 @@ use std::collections::VecDeque;
 use std::ops::ControlFlow;
 use std::sync::mpsc::{Receiver, channel};
 
-use tandem_link::{Impairment, ImpairmentSettings, lockstep_now};
+use tandem_link::{Impairment, Impairments, lockstep_now};
 use tandem_wire::{
     Input, Nanos, Node, NodeName, Numbering, Outbox, Pace, Ports, Session, Stamp, Timing, Topic, Trial, Vec3, encode,
 };
@@ -169,10 +169,10 @@ impl World {
 
     /// The same players over a bad line.
     #[must_use]
-    pub fn impaired(mut self, settings: &ImpairmentSettings) -> Self {
+    pub fn impaired(mut self, impairments: &Impairments) -> Self {
         let names = self.players.iter().map(|player| player.name());
         self.lines = names
-            .map(|name| Impairment::new(settings.clone(), name, self.timing))
+            .map(|name| Impairment::new(impairments, name, self.timing))
             .collect();
         self
     }
@@ -189,7 +189,7 @@ impl World {
             marks: Numbering::new(session),
             wishes: None,
         };
-        world.impaired(&ImpairmentSettings::default())
+        world.impaired(&Impairments::default())
     }
 
     /// Virtual time.

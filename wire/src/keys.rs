@@ -213,6 +213,13 @@ impl fmt::Display for RobotName {
     }
 }
 
+/// The key under which a replay says that it speaks in this robot's name; `*` for `id` means all of them. It is no
+/// [`Topic`]: no node hears or says it, and [`parse`] does not know it.
+#[must_use]
+pub fn player(robot: &RobotName, id: &str) -> String {
+    format!("{ROOT}/{robot}/player/{id}")
+}
+
 /// Reads a key back; `None` for a key that is not ours.
 #[must_use]
 pub fn parse(key: &str) -> Option<(RobotName, Topic)> {
@@ -273,6 +280,7 @@ mod tests {
             "tandem/r/journal",
             "tandem/a*/state",
             "tandem/r/device",
+            "tandem/r/player/1",
         ] {
             assert_eq!(parse(key), None, "{key}");
         }

@@ -7,8 +7,8 @@ use std::sync::{Arc, OnceLock};
 use tandem_cesn::{Demonstration, Model, Settings};
 use tandem_predictor::{Event, Output, Predictor, PredictorSettings};
 use tandem_wire::{
-    Envelope, Header, MILLISECOND, Motion, Node, Outbox, Pose, Proposal, Reason, Refusals, Seq, Session, Stamp, State,
-    TaskFrame, Timing, Vec3,
+    Envelope, Forecast, Header, MILLISECOND, Motion, Node, Outbox, Pose, Proposal, Reason, Refusals, Seq, Session,
+    Stamp, State, TaskFrame, Timing, Vec3,
 };
 
 pub(crate) const STEPS: u32 = 84;
@@ -26,13 +26,15 @@ pub(crate) fn path(a: f64, t: f64) -> [f64; 2] {
 }
 
 pub(crate) fn demonstrations() -> Vec<Demonstration> {
-    let demonstration = |a: f64| {
-        let [x, y] = path(a, 41.0);
-        let outputs = (0..STEPS).flat_map(|step| path(a, f64::from(step))).collect();
-        let context = [("context_x_m", x), ("context_y_m", y)];
-        Demonstration::new("planar", &context, &["x_m", "y_m"], outputs, Some(0.1)).expect("numbers are finite")
-    };
-    [0.08, 0.11, 0.14].map(demonstration).to_vec()
+    [0.08, 0.11, 0.14].map(|a| demonstration_at(a, 41)).to_vec()
+}
+
+/// The path of amplitude `a`, with where it is at step `checkpoint` as its context.
+pub(crate) fn demonstration_at(a: f64, checkpoint: u32) -> Demonstration {
+    let [x, y] = path(a, f64::from(checkpoint));
+    let outputs = (0..STEPS).flat_map(|step| path(a, f64::from(step))).collect();
+    let context = [("context_x_m", x), ("context_y_m", y)];
+    Demonstration::new("planar", &context, &["x_m", "y_m"], outputs, Some(0.1)).expect("numbers are finite")
 }
 
 /// A model of the planar task: small, so that a test does not wait for it.
@@ -44,6 +46,20 @@ pub(crate) fn model() -> Arc<Model> {
             ..Settings::default()
         };
         Arc::new(Model::train(&demonstrations(), &settings).expect("the planar task can be learnt"))
+    };
+    MODEL.get_or_init(train).clone()
+}
+
+/// The same, conditioned anew on every tick.
+pub(crate) fn replanning_model() -> Arc<Model> {
+    static MODEL: OnceLock<Arc<Model>> = OnceLock::new();
+    let train = || {
+        let settings = Settings {
+            units: 120,
+            ..Settings::replanning()
+        };
+        let trained = Model::train_replanning(&demonstrations(), &settings);
+        Arc::new(trained.expect("the planar task can be learnt"))
     };
     MODEL.get_or_init(train).clone()
 }
@@ -88,9 +104,17 @@ pub(crate) struct Stage {
 
 impl Stage {
     pub(crate) fn new(timing: Timing) -> Self {
+        Self::with(timing, model())
+    }
+
+    pub(crate) fn with(timing: Timing, model: Arc<Model>) -> Self {
         let (frame, settings) = (TaskFrame::default(), PredictorSettings::default());
+        Self::of(Predictor::new(Session(2), timing, frame, model, &settings).expect("the model fits"))
+    }
+
+    pub(crate) fn of(predictor: Predictor) -> Self {
         Self {
-            predictor: Predictor::new(Session(2), timing, frame, model(), &settings).expect("the model fits"),
+            predictor,
             outbox: Outbox::default(),
             said: Vec::new(),
             seq: 0,
@@ -99,6 +123,10 @@ impl Stage {
 
     pub(crate) fn lockstep() -> Self {
         Self::new(Timing::default().lockstep())
+    }
+
+    pub(crate) fn replanning() -> Self {
+        Self::with(Timing::default().lockstep(), replanning_model())
     }
 
     pub(crate) fn event(&mut self, millis: u64, event: Event) {
@@ -118,8 +146,14 @@ impl Stage {
     }
 
     pub(crate) fn forecasts(&self) -> usize {
-        let forecast = |output: &&Output| matches!(output, Output::Forecast(_));
-        self.said.iter().filter(forecast).count()
+        self.forecast_messages().count()
+    }
+
+    pub(crate) fn forecast_messages(&self) -> impl Iterator<Item = &Forecast> {
+        self.said.iter().filter_map(|output| match output {
+            Output::Forecast(forecast) => Some(&forecast.body),
+            Output::Proposal(_) => None,
+        })
     }
 
     /// What it said, a line each; proposals that repeat the one before are counted, not shown.

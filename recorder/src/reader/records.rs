@@ -1,208 +1,200 @@
 //! An MCAP file's records, one after the other, however damaged the file is.
 //!
-//! The format's crate reads whole files; here every outer record is framed by hand, so that a chunk that cannot be
-//! unpacked costs its own messages and no others, and of a chunk that was cut short what came before the cut is read.
+//! The format's crate trusts the file it reads; here every outer record is framed by hand, so that a chunk that cannot be
+//! unpacked costs its own messages and no others, and of a chunk that was cut short what came before the cut is read. One
+//! outer record is held in memory at a time.
 
-use std::fmt;
+use std::io::{self, Read, Seek, SeekFrom};
 
 use mcap::McapError;
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+
+use super::damage::{Damage, ReadError};
 
 /// Opcode and length, in front of every record.
 const FRAME: usize = 9;
 /// No chunk of ours is larger by far; a damaged length must not reserve gigabytes.
 const CHUNK_LIMIT: usize = 256 << 20;
 
-/// Why a file is no session at all.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum ReadError {
-    /// Nothing in it.
-    #[error("the file is empty")]
-    Empty,
-    /// It does not begin as MCAP files do.
-    #[error("this is no MCAP file")]
-    NotMcap,
-    /// An MCAP file that no recorder of ours began, or one cut before anything was written.
-    #[error("this MCAP file holds no session: it has no record \"tandem.session\" and no channel tandem/<robot>/…")]
-    NoSession,
-}
-
-/// Something that is missing or cannot be read.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Damage {
-    /// The file ends in the middle of a record.
-    Truncated {
-        /// Where that record begins, in bytes.
-        at: usize,
-    },
-    /// The file ends without its closing records: it was not closed.
-    NotClosed,
-    /// A chunk cannot be unpacked; its messages are lost.
-    Chunk {
-        /// Where it begins, in bytes.
-        at: usize,
-        /// What is wrong with it.
-        why: String,
-    },
-    /// A record does not follow the format.
-    Record {
-        /// Where it begins, in bytes.
-        at: usize,
-    },
-    /// Something that is no record: what follows cannot be told apart.
-    Garbage {
-        /// From here on, in bytes.
-        at: usize,
-    },
-    /// Messages on a channel that was never introduced, because its introduction is lost.
-    UnknownChannel {
-        /// How many.
-        messages: u64,
-    },
-    /// The messages inside follow another layout than this build reads.
-    OtherLayout {
-        /// Which one.
-        version: String,
-    },
-    /// Messages that were heard, but are in no journal, so that their bytes are lost.
-    WithoutBody {
-        /// How many.
-        messages: u64,
-    },
-    /// A file that belongs to another session than the first one; it is left out.
-    OtherSession,
-    /// Something in one of several files.
-    InPart {
-        /// Which of them, from 1.
-        part: usize,
-        /// What.
-        what: Box<Damage>,
-    },
-    /// Parts of journals that cannot be decoded.
-    Journal {
-        /// How many.
-        parts: u64,
-    },
-}
-
-impl fmt::Display for Damage {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Truncated { at } => write!(f, "the file ends in the middle of the record at byte {at}"),
-            Self::NotClosed => f.write_str("the file was not closed: it has no index and no closing counts"),
-            Self::Chunk { at, why } => write!(f, "the chunk at byte {at} cannot be unpacked ({why}); it is left out"),
-            Self::Record { at } => write!(f, "the record at byte {at} cannot be read; it is left out"),
-            Self::Garbage { at } => write!(f, "from byte {at} on there are no records"),
-            Self::UnknownChannel { messages } => {
-                write!(
-                    f,
-                    "{messages} messages are on channels that the file does not introduce"
-                )
-            }
-            Self::OtherLayout { version } => write!(
-                f,
-                "its messages have layout version {version}, and this build reads version {}",
-                tandem_wire::codec::VERSION
-            ),
-            Self::WithoutBody { messages } => {
-                write!(
-                    f,
-                    "{messages} messages were heard but stand in no journal, so they cannot be played"
-                )
-            }
-            Self::OtherSession => f.write_str("this is part of another session; it is left out"),
-            Self::InPart { part, what } => write!(f, "part {part}: {what}"),
-            Self::Journal { parts } => write!(f, "{parts} parts of journals cannot be decoded"),
-        }
-    }
+/// Where a record stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Spot {
+    /// Where the outer record begins, in bytes: the chunk, for a record inside one.
+    pub(super) at: u64,
+    /// Which record inside the chunk.
+    pub(super) nth: u32,
 }
 
 /// Hands over every record of the data section, those in chunks included, in the order of the file.
-pub(super) fn walk(file: &[u8], mut take: impl FnMut(Record<'_>)) -> Result<Vec<Damage>, ReadError> {
+pub(super) fn walk(
+    file: &mut (impl Read + Seek),
+    mut take: impl FnMut(Spot, Record<'_>),
+) -> Result<Vec<Damage>, ReadError> {
     let mut damage = Vec::new();
-    frames(file, &mut damage, |at, frame, is_whole, in_data, damage| {
-        let opcode = frame[0];
-        if !in_data {
-            return;
-        }
-        let read = match (opcode, is_whole) {
-            (op::CHUNK, true) => unpack(frame, true, &mut take).err().map(|error| Damage::Chunk {
-                at,
-                why: error.to_string(),
-            }),
-            (opcode, false) => {
-                if opcode == op::CHUNK {
-                    // How it ends is known: it was cut. What came before the cut has been taken.
-                    let _ = unpack(frame, false, &mut take);
+    frames(
+        file,
+        &mut damage,
+        |frame| frame.in_data,
+        |frame, damage| {
+            let read = match (frame.opcode(), frame.is_whole) {
+                (op::CHUNK, true) => unpack(frame, &mut take).err().map(|error| Damage::Chunk {
+                    at: frame.place(),
+                    why: error.to_string(),
+                }),
+                (opcode, false) => {
+                    if opcode == op::CHUNK {
+                        // How it ends is known: it was cut. What came before the cut has been taken.
+                        let _ = unpack(frame, &mut take);
+                    }
+                    Some(Damage::Truncated { at: frame.place() })
                 }
-                Some(Damage::Truncated { at })
-            }
-            (_, true) => match parse(opcode, &frame[FRAME..]) {
-                Some(record) => {
-                    take(record);
-                    None
-                }
-                None => Some(Damage::Record { at }),
-            },
-        };
-        damage.extend(read);
-    })?;
+                (opcode, true) => match parse(opcode, frame.body()) {
+                    Some(record) => {
+                        take(frame.spot(0), record);
+                        None
+                    }
+                    None => Some(Damage::Record { at: frame.place() }),
+                },
+            };
+            damage.extend(read);
+        },
+    )?;
     Ok(damage)
 }
 
 /// The schemas and channels as the summary repeats them: for files whose first chunk is lost.
-pub(super) fn summary(file: &[u8], mut take: impl FnMut(Record<'_>)) {
+pub(super) fn summary(file: &mut (impl Read + Seek), mut take: impl FnMut(Record<'_>)) {
+    let is_wanted = |frame: &Frame| !frame.in_data && matches!(frame.opcode(), op::SCHEMA | op::CHANNEL);
     // What is damaged is said by `walk`.
-    let _ = frames(file, &mut Vec::new(), |_, frame, is_whole, in_data, _| {
-        if is_whole && !in_data && matches!(frame[0], op::SCHEMA | op::CHANNEL) {
-            parse(frame[0], &frame[FRAME..]).into_iter().for_each(&mut take);
+    let _ = frames(file, &mut Vec::new(), is_wanted, |frame, _| {
+        if frame.is_whole {
+            parse(frame.opcode(), frame.body()).into_iter().for_each(&mut take);
         }
     });
 }
 
-/// Frames the outer records: where each begins, its bytes, whether it is whole, whether it lies in the data section.
+/// Hands over the records of the one outer record that begins at `at`, as [`walk`] did.
+pub(super) fn at(file: &mut (impl Read + Seek), at: u64, mut take: impl FnMut(Spot, Record<'_>)) -> io::Result<()> {
+    let mut frame = Frame::default();
+    let length = file.seek(SeekFrom::End(0))?;
+    file.seek(SeekFrom::Start(at))?;
+    frame.read_head(file, at, length)?;
+    frame.read_body(file)?;
+    match frame.opcode() {
+        // What is broken in it was said when it was walked through.
+        op::CHUNK => unpack(&frame, &mut take).unwrap_or_default(),
+        opcode => parse(opcode, frame.body())
+            .into_iter()
+            .for_each(|record| take(frame.spot(0), record)),
+    }
+    Ok(())
+}
+
+/// One outer record, as far as it was read.
+#[derive(Default)]
+struct Frame {
+    at: u64,
+    /// Opcode and length, and then the body if it is wanted.
+    bytes: Vec<u8>,
+    /// How long the body is, as far as the file goes.
+    body: u64,
+    is_whole: bool,
+    in_data: bool,
+}
+
+impl Frame {
+    fn opcode(&self) -> u8 {
+        self.bytes.first().copied().unwrap_or_default()
+    }
+
+    fn body(&self) -> &[u8] {
+        self.bytes.get(FRAME..).unwrap_or_default()
+    }
+
+    fn place(&self) -> usize {
+        usize::try_from(self.at).unwrap_or(usize::MAX)
+    }
+
+    const fn spot(&self, nth: u32) -> Spot {
+        Spot { at: self.at, nth }
+    }
+
+    /// Reads opcode and length at `at` in a file of `length` bytes.
+    fn read_head(&mut self, file: &mut impl Read, at: u64, length: u64) -> io::Result<()> {
+        self.at = at;
+        self.bytes.clear();
+        file.take(FRAME as u64).read_to_end(&mut self.bytes)?;
+        let said = self.bytes.get(1..FRAME).and_then(|bytes| bytes.try_into().ok());
+        let said = said.map(u64::from_le_bytes);
+        let left = length.saturating_sub(at).saturating_sub(self.bytes.len() as u64);
+        self.is_whole = said.is_some_and(|said| said <= left);
+        self.body = said.unwrap_or(u64::MAX).min(left);
+        Ok(())
+    }
+
+    fn read_body(&mut self, file: &mut impl Read) -> io::Result<()> {
+        let limit = if self.is_whole { u64::MAX } else { CHUNK_LIMIT as u64 };
+        let read = file.take(self.body.min(limit)).read_to_end(&mut self.bytes)?;
+        // Somebody has just cut it.
+        self.is_whole &= read as u64 == self.body;
+        Ok(())
+    }
+}
+
+/// Frames the outer records, and reads the bodies of those that are wanted.
 fn frames(
-    file: &[u8],
+    file: &mut (impl Read + Seek),
     damage: &mut Vec<Damage>,
-    mut take: impl FnMut(usize, &[u8], bool, bool, &mut Vec<Damage>),
+    is_wanted: impl Fn(&Frame) -> bool,
+    mut take: impl FnMut(&Frame, &mut Vec<Damage>),
 ) -> Result<(), ReadError> {
-    if file.is_empty() {
-        return Err(ReadError::Empty);
-    }
-    if !file.starts_with(mcap::MAGIC) {
-        return Err(ReadError::NotMcap);
-    }
-    let (mut at, mut in_data, mut footer) = (mcap::MAGIC.len(), true, false);
-    while at < file.len() && !footer {
-        let rest = &file[at..];
-        if !is_known(rest[0]) {
-            damage.push(Damage::Garbage { at });
+    let length = begin(file)?;
+    let (mut at, mut in_data, mut footer) = (mcap::MAGIC.len() as u64, true, false);
+    let mut frame = Frame::default();
+    while at < length && !footer {
+        frame.read_head(file, at, length)?;
+        let opcode = frame.opcode();
+        if !is_known(opcode) {
+            damage.push(Damage::Garbage { at: frame.place() });
             return Ok(());
         }
-        let length = rest.get(1..FRAME).and_then(|bytes| bytes.try_into().ok());
-        let length = length
-            .map(u64::from_le_bytes)
-            .and_then(|length| usize::try_from(length).ok());
-        let end = length.and_then(|length| length.checked_add(FRAME));
-        in_data &= rest[0] != op::DATA_END && rest[0] != op::FOOTER;
-        match end.and_then(|end| rest.get(..end)) {
-            Some(frame) => take(at, frame, true, in_data, damage),
-            None => {
-                take(at, rest, false, in_data, damage);
-                if !in_data {
-                    damage.push(Damage::NotClosed);
-                }
-                return Ok(());
-            }
+        in_data &= opcode != op::DATA_END && opcode != op::FOOTER;
+        frame.in_data = in_data;
+        if is_wanted(&frame) {
+            frame.read_body(file)?;
+            take(&frame, damage);
+        } else if frame.is_whole {
+            file.seek_relative(i64::try_from(frame.body).unwrap_or(i64::MAX))?;
         }
-        footer = rest[0] == op::FOOTER;
-        at = at.saturating_add(end.unwrap_or(usize::MAX));
+        if !frame.is_whole {
+            if !in_data {
+                damage.push(Damage::NotClosed);
+            }
+            return Ok(());
+        }
+        footer = opcode == op::FOOTER;
+        at = at.saturating_add(FRAME as u64).saturating_add(frame.body);
     }
-    if !footer || file.get(at..) != Some(mcap::MAGIC) {
+    let mut rest = Vec::new();
+    file.take(mcap::MAGIC.len() as u64 + 1).read_to_end(&mut rest)?;
+    if !footer || rest != mcap::MAGIC {
         damage.push(Damage::NotClosed);
     }
     Ok(())
+}
+
+/// Goes behind the magic bytes, and says how long the file is.
+fn begin(file: &mut (impl Read + Seek)) -> Result<u64, ReadError> {
+    let length = file.seek(SeekFrom::End(0))?;
+    file.seek(SeekFrom::Start(0))?;
+    let mut magic = Vec::new();
+    file.take(mcap::MAGIC.len() as u64).read_to_end(&mut magic)?;
+    match magic.as_slice() {
+        [] => Err(ReadError::Empty),
+        magic if magic != mcap::MAGIC => Err(ReadError::NotMcap),
+        _ => Ok(length),
+    }
 }
 
 /// The format's own opcodes, and those it leaves to others.
@@ -211,14 +203,15 @@ const fn is_known(opcode: u8) -> bool {
 }
 
 /// Unpacks a chunk. A whole one is checked first; of one cut short, everything before the cut is taken.
-fn unpack(frame: &[u8], is_whole: bool, take: &mut impl FnMut(Record<'_>)) -> Result<(), McapError> {
+fn unpack(frame: &Frame, take: &mut impl FnMut(Spot, Record<'_>)) -> Result<(), McapError> {
     let options = LinearReaderOptions::default()
         .with_skip_start_magic(true)
         .with_skip_end_magic(true)
         .with_record_length_limit(CHUNK_LIMIT)
-        .with_prevalidate_chunk_crcs(is_whole);
+        .with_prevalidate_chunk_crcs(frame.is_whole);
     let mut reader = LinearReader::new_with_options(options);
-    let mut rest = frame;
+    let mut rest = frame.bytes.as_slice();
+    let mut nth = 0;
     while let Some(event) = reader.next_event() {
         match event? {
             LinearReadEvent::ReadRequest(wanted) => {
@@ -228,7 +221,10 @@ fn unpack(frame: &[u8], is_whole: bool, take: &mut impl FnMut(Record<'_>)) -> Re
                 rest = left;
             }
             LinearReadEvent::Record { data, opcode } => {
-                parse(opcode, data).into_iter().for_each(&mut *take);
+                if let Some(record) = parse(opcode, data) {
+                    take(frame.spot(nth), record);
+                }
+                nth += 1;
             }
         }
     }

@@ -2,12 +2,13 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::io::{Seek, Write};
+use std::io::{Read, Seek, Write};
 
 use mcap::records::{Metadata, Record};
 use mcap::{Attachment, Compression, McapError, WriteOptions};
 
-use super::records::{self, Damage, ReadError};
+use super::damage::{Damage, ReadError};
+use super::records;
 
 /// What a repair came to.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,7 +36,7 @@ pub enum RepairError {
 ///
 /// # Errors
 /// If `file` is no MCAP file, or `to` cannot be written.
-pub fn repair<W: Write + Seek>(file: &[u8], to: W) -> Result<Repaired, RepairError> {
+pub fn repair<W: Write + Seek>(mut file: impl Read + Seek, to: W) -> Result<Repaired, RepairError> {
     let writer = WriteOptions::new()
         .compression(Some(Compression::Zstd))
         .compression_threads(0)
@@ -49,8 +50,8 @@ pub fn repair<W: Write + Seek>(file: &[u8], to: W) -> Result<Repaired, RepairErr
         left_out: 0,
         failed: None,
     };
-    records::summary(file, |record| copy.take(record));
-    let mut damage = records::walk(file, |record| copy.take(record))?;
+    records::summary(&mut file, |record| copy.take(record));
+    let mut damage = records::walk(&mut file, |_, record| copy.take(record))?;
     if copy.left_out > 0 {
         let messages = copy.left_out;
         damage.push(Damage::UnknownChannel { messages });

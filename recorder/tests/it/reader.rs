@@ -4,7 +4,10 @@ use std::io::Cursor;
 
 use crate::script::{Sample, record, session};
 use proptest::prelude::*;
-use tandem_recorder::{Counts, Damage, Drops, Output, Provenance, ReadError, Recording, SessionFile, repair};
+use tandem_recorder::{
+    Counts, Damage, Drops, Output, PartsReader, Place, Provenance, ReadError, Recorded, Recording, Reel, ReelError,
+    SessionFile, repair,
+};
 use tandem_wire::{
     Happening, JournalBatch, JournalEntry, NodeName, Numbering, Session, Stamp, Timing, Topic, codec, encode,
 };
@@ -81,6 +84,45 @@ fn every_message_comes_back_as_it_travelled_and_when_it_arrived() {
     assert!(recording.nodes[&NodeName::Predictor].model_sha256.is_some());
     assert!(recording.notes.iter().any(|note| note.text.starts_with("stop: ")));
     assert_eq!(recording.models.len(), 1);
+}
+
+/// The messages that were read without their bytes, and what fetches them.
+fn places(file: &[u8]) -> (Vec<Recorded<Place>>, Reel<Cursor<&[u8]>>) {
+    let mut reader = PartsReader::default();
+    reader.add(Cursor::new(file)).expect("a whole file");
+    (
+        reader.finish().expect("a session").messages,
+        Reel::new(vec![Cursor::new(file)]),
+    )
+}
+
+#[test]
+fn every_message_is_fetched_from_its_place_in_any_order_and_from_a_file_that_was_cut() {
+    let file = written(&samples());
+    for file in [file.as_slice(), &file[..file.len() / 2]] {
+        let held = Recording::read(file).unwrap().messages;
+        let (messages, mut reel) = places(file);
+        assert_eq!(messages.len(), held.len());
+        let fetched: Vec<_> = messages
+            .iter()
+            .rev()
+            .map(|message| reel.fetch(message).unwrap())
+            .collect();
+        assert!(fetched.iter().rev().eq(&held));
+    }
+}
+
+#[test]
+fn a_file_that_changed_after_it_was_read_is_noticed() {
+    let file = written(&samples());
+    let (messages, _) = places(&file);
+    let mut other = file.clone();
+    let middle = other.len() / 2;
+    other[middle..].fill(0);
+    let mut reel = Reel::new(vec![Cursor::new(other)]);
+    let last = messages.last().unwrap();
+    assert!(matches!(reel.fetch(last), Err(ReelError::Changed)));
+    assert!(reel.fetch(&messages[0]).is_ok(), "what is still there is");
 }
 
 #[test]
@@ -170,7 +212,7 @@ fn a_file_that_was_cut_short_is_read_up_to_the_cut_and_repaired() {
     assert!(!recording.messages.is_empty());
 
     let mut repaired = Cursor::new(Vec::new());
-    let report = repair(cut, &mut repaired).unwrap();
+    let report = repair(Cursor::new(cut), &mut repaired).unwrap();
     assert!(report.messages > 300 && report.left_out == 0, "{report:?}");
     let again = Recording::read(repaired.get_ref()).unwrap();
     // The cut may have taken the journal of a message that was heard; nothing else is wrong any more.
@@ -225,7 +267,7 @@ proptest! {
             prop_assert!(!recording.damage.is_empty());
             prop_assert!(recording.messages.len() <= *all);
         }
-        let _ = repair(&whole[..cut], Cursor::new(Vec::new()));
+        let _ = repair(Cursor::new(&whole[..cut]), Cursor::new(Vec::new()));
     }
 
     #[test]
@@ -241,7 +283,7 @@ proptest! {
         if let Ok(recording) = Recording::read(&damaged) {
             prop_assert!(recording.messages.len() <= *all);
         }
-        let _ = repair(&damaged, Cursor::new(Vec::new()));
+        let _ = repair(Cursor::new(&damaged), Cursor::new(Vec::new()));
     }
 
     #[test]
@@ -254,7 +296,7 @@ proptest! {
         file.extend((body.len() as u64).to_le_bytes());
         file.extend(&body);
         let _ = Recording::read(&file);
-        let _ = repair(&file, Cursor::new(Vec::new()));
+        let _ = repair(Cursor::new(&file), Cursor::new(Vec::new()));
     }
 }
 

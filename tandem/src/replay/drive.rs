@@ -9,9 +9,10 @@ use anyhow::bail;
 use crossbeam_channel::Receiver;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
-use tandem_link::{Clock, Link, Observer, Running, Sighting};
+use tandem_link::{Clock, Link, Observer, Player, Reach, Running, Sighting};
 use tandem_operator::{PlayedSample, SAMPLE_PERIOD};
 use tandem_recorder::{Recorded, Recording};
+use tandem_site::Role;
 use tandem_trials::drive::{Driver, End, Phase, Track};
 use tandem_wire::{Nanos, NodeName, Pace, SECOND, Stamp, State, Topic, Trial, decode, seconds};
 
@@ -55,7 +56,8 @@ pub(super) fn run(
     introduce(&track, recording, &configuration.link.robot);
     let settings = configuration.replay.clone();
     let parts = Parts::new(configuration, None)?;
-    let Some(link) = nodes::connect(parts.link_settings(), || hung_up(&keyboard, interrupted))? else {
+    let reach = Reach::new(parts.link_settings(), Some(Role::Operator))?;
+    let Some(link) = nodes::connect(parts.link_settings(), &reach, || hung_up(&keyboard, interrupted))? else {
         return Ok(Outcome::Failed);
     };
     let mut driver = Driver::new(track, settings, per_mille, Clock::of_process().now());
@@ -113,6 +115,13 @@ fn drive(
     interrupted: &Receiver<()>,
     show: &mut dyn FnMut(&Driver),
 ) -> anyhow::Result<Ending> {
+    // A replay under its name would tell us where that robot's tool was, not where this one's is.
+    if Player::playing(link)? > 0 {
+        bail!(
+            "a replay plays as {:?}, which would be taken for the robot itself: end that one first",
+            link.robot().as_str()
+        );
+    }
     if target::present(link)?.contains(&NodeName::Operator) {
         bail!(
             "an operator is alive on {:?}, and only one may command it: end that one first",

@@ -27,7 +27,7 @@ impl Report {
         Some(seconds(*late) * 1e3)
     }
 
-    pub(super) fn print(&self, as_json: bool, rrd: Option<&Path>, recording: &Recording, wall: Duration) {
+    pub(super) fn print<B>(&self, as_json: bool, rrd: Option<&Path>, recording: &Recording<B>, wall: Duration) {
         let late = [500, 990, 1000].map(|part| self.late_ms(part));
         if as_json {
             let damage: Vec<_> = recording.damage.iter().map(ToString::to_string).collect();

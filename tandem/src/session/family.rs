@@ -1,9 +1,11 @@
 //! The files of one session: a long one, or one whose disk was full for a while, has several parts.
 
+use std::fs::File;
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use tandem_recorder::{PartsReader, Recording, part_path};
+use tandem_recorder::{Keep, PartsReader, Place, Recording, Reel, part_path};
 
 /// The files to be read for the one that was named: those that were named with it, or else the later parts that lie
 /// beside it, `NAME_0002.mcap` and so on. A later part named alone is read alone.
@@ -16,19 +18,35 @@ pub(crate) fn parts(first: &Path, more: &[PathBuf]) -> Vec<PathBuf> {
 
 /// Reads a session file, damaged or not, with its later parts.
 pub(crate) fn load(first: &Path, more: &[PathBuf]) -> anyhow::Result<Recording> {
+    Ok(read(first, more)?.0)
+}
+
+/// The same, but of each message only where it stands, and what to fetch it with: for sessions of any length.
+pub(crate) fn open(first: &Path, more: &[PathBuf]) -> anyhow::Result<(Recording<Place>, Reel<Part>)> {
+    let (recording, files) = read(first, more)?;
+    Ok((recording, Reel::new(files)))
+}
+
+/// A file of a session.
+pub(crate) type Part = BufReader<File>;
+
+fn read<B: Keep + Default>(first: &Path, more: &[PathBuf]) -> anyhow::Result<(Recording<B>, Vec<Part>)> {
     let mut reader = PartsReader::default();
+    let mut files = Vec::new();
     for (index, path) in parts(first, more).iter().enumerate() {
-        let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-        match reader.add(&bytes) {
-            Ok(()) => {}
+        let file = File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+        let mut file = BufReader::new(file);
+        match reader.add(&mut file) {
+            Ok(()) => files.push(file),
             // What the first part has is no less there because a later one is nothing.
             Err(error) if index > 0 => eprintln!("session: {} is left out: {error}", path.display()),
             Err(error) => return Err(error).with_context(|| format!("cannot use {}", path.display())),
         }
     }
-    reader
+    let recording = reader
         .finish()
-        .with_context(|| format!("cannot use {}", first.display()))
+        .with_context(|| format!("cannot use {}", first.display()))?;
+    Ok((recording, files))
 }
 
 #[cfg(test)]

@@ -97,18 +97,13 @@ impl Prepared {
             _ => PaceName::Real,
         };
         configuration.human.wish = 1;
-        let line = &mut configuration.impairment;
-        // Every trial has a bad line of its own, the same under every condition that has this one.
-        line.seed = (line.seed ^ slot.seed) & i64::MAX.unsigned_abs();
-        // A plan tells outages from the trial's begin, which is about now; a receiver by its clock.
-        let now = match rates.pace {
+        // A plan tells outages from the trial's begin, which is about now; a receiver by its clock. And every trial has a
+        // bad line of its own, the same under every condition that has this one.
+        let begin = match rates.pace {
             PaceName::Real => Clock::of_process().now(),
             PaceName::Max => Stamp::of_tick(begin.first_tick, rates.timing().period),
         };
-        let now = now.seconds();
-        for [begin, _] in &mut line.outages_s {
-            *begin += now;
-        }
+        configuration.impairment = configuration.impairment.of_trial(slot.seed, begin);
         Ok(configuration)
     }
 

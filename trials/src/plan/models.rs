@@ -88,12 +88,17 @@ impl ModelPlan {
         };
         let demonstrations = settings.demonstrations.iter().map(read_one);
         let demonstrations = demonstrations.collect::<Result<Vec<_>, ModelFault>>()?;
-        let settings = Settings {
+        let (replan, seed) = (settings.replan, settings.seed);
+        let chosen = |defaults: Settings| Settings {
             checkpoint_step: step,
-            seed: settings.seed,
-            ..Settings::default()
+            seed,
+            ..defaults
         };
-        Ok(Model::train(&demonstrations, &settings)?)
+        Ok(if replan {
+            Model::train_replanning(&demonstrations, &chosen(Settings::replanning()))?
+        } else {
+            Model::train(&demonstrations, &chosen(Settings::default()))?
+        })
     }
 }
 

@@ -11,8 +11,8 @@ settings! {
         pub name: String = "";
         /// Who drives: "simulated" humans in lockstep, or a person at the "keyboard" in real time.
         pub source: SourceKind = SourceKind::Simulated;
-        /// What drives a simulated human's time: "max", the messages, in lockstep; or "real", the clock, which conditions
-        /// with a bad line need. Persons drive in real time.
+        /// What drives a simulated human's time: "max", the messages, in lockstep; or "real", the clock, under which
+        /// messages stream at their own rate. Persons drive in real time.
         pub pace: PaceName = PaceName::Max;
         /// The participants' codes. Simulated humans drive one after the other. Of persons, only those listed may take
         /// part; if none is listed, anybody may.
@@ -141,6 +141,8 @@ settings! {
         pub demonstrations: Vec<String> = [];
         /// The step at which its checkpoint lies; its context is where the demonstrations are then.
         pub checkpoint_step: usize = 41, in 1..=100_000;
+        /// Whether it is conditioned anew on every tick after its checkpoint, from where the tool is then.
+        pub replan: bool = false;
         /// The seed of its weights and its jitter.
         pub seed: u64 = 1;
     }

@@ -1,7 +1,7 @@
 //! What is swept, from text to checked values.
 
 use tandem_cesn::Model;
-use tandem_link::ImpairmentSettings;
+use tandem_link::Impairments;
 use tandem_operator::HumanKind;
 use tandem_settings::{Document, Error, Section, settings, show};
 use tandem_wire::Session;
@@ -97,9 +97,9 @@ impl Grid {
             return Err(BadGrid::Empty { key });
         }
         let mut document = document.clone();
-        // A bad line needs time that passes by itself; it is virtual all the same.
-        let impairment: ImpairmentSettings = document.section()?;
-        document.set("loop.pace", if impairment.streams.is_empty() { "max" } else { "real" });
+        // A bad line is told most finely where messages stream as in real time; that time is virtual all the same.
+        let impairments = Impairments::from_document(&document)?;
+        document.set("loop.pace", if impairments.is_empty() { "max" } else { "real" });
         document.set("operator.source", "simulated");
         let base = Configuration::from_document_beside(&document, &[SweepSettings::NAME])?;
         let entries = settings.laws.iter().map(|entry| law(&document, entry));

@@ -6,6 +6,7 @@ use tandem_trials::plan::{Participant, Plan};
 
 const PAPER: &str = include_str!("../../../examples/plans/paper.toml");
 const BEYOND: &str = include_str!("../../../examples/plans/beyond.toml");
+const LOSSY: &str = include_str!("../../../examples/plans/lossy.toml");
 const SMALL: &str = "[plan]\nparticipants = ['P1', 'P2']\n\
     [conditions]\nfixed = { arbiter.law = 'fixed' }\nadaptive = { arbiter.law = 'adaptive' }\n\
     [contexts]\na = { amplitude_m = 0.1 }\nb = { amplitude_m = 0.12 }\nc = {}\n";
@@ -70,6 +71,55 @@ fn the_other_plan_sets_departures_only_beyond_the_demonstrations() {
         assert_eq!(configuration.human.departure_mm, if beyond { 60.0 } else { 0.0 });
         assert_eq!(configuration.human.amplitude_m, context.settings.amplitude_m);
     }
+}
+
+#[test]
+fn the_lossy_plan_has_a_line_of_its_own_under_each_condition_and_two_laws_on_each() {
+    let plan = Plan::parse("lossy.toml", LOSSY).expect("it ships");
+    let lines: Vec<String> = plan
+        .conditions
+        .iter()
+        .map(|condition| {
+            let configuration = plan.configuration(condition, &plan.contexts[0]).expect("checked");
+            configuration.impairment.to_string()
+        })
+        .collect();
+    let late = "command 100 ms late; state-to-operator 100 ms late";
+    let lossy = "command 10 % lost; state-to-operator 10 % lost";
+    assert_eq!(lines, ["", "", late, late, lossy, lossy]);
+    for context in &plan.contexts {
+        plan.check_reach(context).expect("the arm follows every shipped path");
+    }
+}
+
+#[test]
+fn a_line_of_a_stream_that_is_none_or_with_a_loss_that_cannot_be_is_refused_with_its_place() {
+    let bad = |line: &str| refusal(&format!("{SMALL}[conditions.bad.impairment]\n{line}\n"));
+    let said = bad("comand.loss = 0.1");
+    assert!(
+        said.starts_with("plan.toml:11:") && said.contains("impairment.comand"),
+        "{said}"
+    );
+    let said = bad("command.loss = 1.5");
+    assert!(
+        said.contains("conditions.bad.impairment.command.loss") && said.contains("0 to 1"),
+        "{said}"
+    );
+    let said = bad("command.delay = 100");
+    assert!(said.contains("delay_ms"), "{said}");
+}
+
+#[test]
+fn a_condition_lays_a_streams_line_over_the_setups() {
+    let more = "[setup.impairment]\ndelay_ms = 50\n[setup.impairment.command]\nloss = 0.2\n\
+        [conditions.late.impairment.command]\ndelay_ms = 80\n";
+    let plan = plan(more);
+    let told = |condition: usize| {
+        let laid = plan.configuration(&plan.conditions[condition], &plan.contexts[0]);
+        laid.expect("checked").impairment.to_string()
+    };
+    assert_eq!(told(0), "command 50 ms late, 20 % lost");
+    assert_eq!(told(2), "command 80 ms late, 20 % lost");
 }
 
 #[test]

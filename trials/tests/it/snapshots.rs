@@ -4,8 +4,9 @@
 use std::ops::ControlFlow;
 use std::sync::{Arc, LazyLock, Mutex};
 
-use crate::support::model;
+use crate::support::{model, replanning_model};
 use proptest::prelude::*;
+use tandem_cesn::Model;
 use tandem_operator::SourceKind;
 use tandem_trials::world::Said;
 use tandem_trials::{Blueprint, Configuration, Player, World};
@@ -93,28 +94,30 @@ fn samples<N: Ports>(outbox: &mut Outbox<N::Output>) -> Vec<(Topic, Vec<u8>)> {
     outbox.drain().filter_map(sample).collect()
 }
 
-static BLUEPRINT: LazyLock<Blueprint> = LazyLock::new(|| blueprint(SourceKind::Simulated));
+static BLUEPRINT: LazyLock<Blueprint> = LazyLock::new(|| blueprint(SourceKind::Simulated, model()));
+/// Its predictor forecasts on every tick.
+static REPLANNING: LazyLock<Blueprint> = LazyLock::new(|| blueprint(SourceKind::Simulated, replanning_model()));
 
-fn blueprint(source: SourceKind) -> Blueprint {
+fn blueprint(source: SourceKind, model: Model) -> Blueprint {
     let mut configuration = Configuration::default();
     configuration.operator.source = source;
-    Blueprint::new(configuration, Session(9), Some(model())).expect("the defaults fit")
+    Blueprint::new(configuration, Session(9), Some(model)).expect("the defaults fit")
 }
 
 /// What each of the four saw in the first seconds of a trial on a bad network.
-fn scripts(seed: u64, loss_percent: u64) -> [Script; 4] {
-    let (operator, saw_operator) = Faulty::new(BLUEPRINT.operator(), seed, loss_percent);
+fn scripts(blueprint: &Blueprint, seed: u64, loss_percent: u64) -> [Script; 4] {
+    let (operator, saw_operator) = Faulty::new(blueprint.operator(), seed, loss_percent);
     let (predictor, saw_predictor) =
-        Faulty::new(BLUEPRINT.predictor().expect("the defaults fit"), seed ^ 1, loss_percent);
-    let (arbiter, saw_arbiter) = Faulty::new(BLUEPRINT.arbiter().expect("the defaults fit"), seed ^ 2, loss_percent);
+        Faulty::new(blueprint.predictor().expect("the defaults fit"), seed ^ 1, loss_percent);
+    let (arbiter, saw_arbiter) = Faulty::new(blueprint.arbiter().expect("the defaults fit"), seed ^ 2, loss_percent);
     let (robot, saw_robot) = Faulty::new(
-        BLUEPRINT.robot_sim().expect("the defaults fit"),
+        blueprint.robot_sim().expect("the defaults fit"),
         seed ^ 3,
         loss_percent / 4,
     );
     let mut world = World::of(
         vec![operator, predictor, arbiter, robot],
-        BLUEPRINT.timing(),
+        blueprint.timing(),
         Session(9),
     );
     for number in 1..=2 {
@@ -211,7 +214,7 @@ proptest! {
         seed in any::<u64>(), loss in 0..40_u64, shares in prop::collection::vec(0.0..1.0_f64, 4),
         damages in prop::collection::vec((any::<usize>(), any::<u8>()), 4),
     ) {
-        let [operator, predictor, arbiter, robot] = scripts(seed, loss);
+        let [operator, predictor, arbiter, robot] = scripts(&BLUEPRINT, seed, loss);
         for (share, damage) in shares.into_iter().zip(damages) {
             check(|| BLUEPRINT.operator(), &operator, share, damage);
             check(|| BLUEPRINT.predictor().expect("the defaults fit"), &predictor, share, damage);
@@ -221,11 +224,19 @@ proptest! {
     }
 
     #[test]
+    fn so_does_a_predictor_that_is_conditioned_anew_on_every_tick(
+        seed in any::<u64>(), loss in 0..40_u64, share in 0.0..1.0_f64, damage in (any::<usize>(), any::<u8>()),
+    ) {
+        let [_, predictor, ..] = scripts(&REPLANNING, seed, loss);
+        check(|| REPLANNING.predictor().expect("the model fits"), &predictor, share, damage);
+    }
+
+    #[test]
     fn so_does_an_operator_at_the_keyboard(
         seed in any::<u64>(), share in 0.0..1.0_f64, damage in (any::<usize>(), any::<u8>()),
     ) {
-        static KEYBOARD: LazyLock<Blueprint> = LazyLock::new(|| blueprint(SourceKind::Keyboard));
-        let [operator, ..] = scripts(seed, 3);
+        static KEYBOARD: LazyLock<Blueprint> = LazyLock::new(|| blueprint(SourceKind::Keyboard, model()));
+        let [operator, ..] = scripts(&BLUEPRINT, seed, 3);
         check(|| KEYBOARD.operator(), &with_keyboard(&operator, seed), share, damage);
     }
 }

@@ -3,10 +3,12 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use crate::support::{configuration, model, over};
+use crate::support::{configuration, model, over, replanning_model};
 use tandem_link::{Faults, Link, Observer, Running, ShellOptions, Sighting, SpoolOptions, spawn};
 use tandem_trials::{Blueprint, Configuration, Halt, World};
-use tandem_wire::{NodeInfo, NodeName, Numbering, Pace, Ports, SECOND, Session, State, Topic, Trial, decode, encode};
+use tandem_wire::{
+    Forecast, NodeInfo, NodeName, Numbering, Pace, Ports, SECOND, Session, State, Topic, Trial, decode, encode,
+};
 
 const LOOP: [NodeName; 4] = [
     NodeName::Operator,
@@ -118,8 +120,31 @@ fn blueprint(configuration: Configuration) -> Blueprint {
 
 #[test]
 fn a_trial_in_the_world_is_byte_for_byte_the_trial_over_zenoh() {
-    let blueprint = blueprint(configuration());
-    let (here, there) = (in_the_world(&blueprint), over_zenoh(&blueprint));
+    let here = same_over_zenoh(&blueprint(configuration()));
+    assert_eq!(only(&here, Topic::Forecast).len(), 1);
+}
+
+#[test]
+fn so_is_one_that_is_conditioned_anew_on_every_tick_to_the_goal() {
+    let mut configuration = configuration();
+    configuration.human.departure_mm = 20.0;
+    let blueprint = Blueprint::new(configuration, Session(7), Some(replanning_model())).expect("the defaults fit");
+    let here = same_over_zenoh(&blueprint);
+    let forecasts = only(&here, Topic::Forecast);
+    assert!(forecasts.len() > 35, "{}", forecasts.len());
+    for (number, bytes) in (1..).zip(forecasts) {
+        let forecast = decode::<Forecast>(bytes).expect("ours").body;
+        assert_eq!((forecast.number, forecast.context.len()), (number, 3));
+    }
+    let states = only(&here, Topic::State);
+    let last = decode::<State>(states.last().expect("states")).expect("a state");
+    let goal = tandem_wire::Vec3::new(0.5, 0.3, 0.15);
+    assert!((last.body.tool.position - goal).norm() < 0.01);
+}
+
+/// Runs it in the world and over Zenoh, and compares; what was said in the world.
+fn same_over_zenoh(blueprint: &Blueprint) -> Messages {
+    let (here, there) = (in_the_world(blueprint), over_zenoh(blueprint));
     for topic in [
         Topic::State,
         Topic::Command,
@@ -135,7 +160,7 @@ fn a_trial_in_the_world_is_byte_for_byte_the_trial_over_zenoh() {
         assert!(here[..count] == there[..count], "{topic}");
     }
     assert!(only(&here, Topic::Setpoint).len() > 84);
-    assert_eq!(only(&here, Topic::Forecast).len(), 1);
+    here
 }
 
 #[test]
@@ -174,11 +199,11 @@ fn a_bad_line_slows_the_same_way_twice_and_a_long_outage_stops_the_arm() {
     let impaired = |outages_s: Vec<[f64; 2]>| {
         let mut configuration = configuration();
         configuration.rates.pace = tandem_link::config::PaceName::Real;
-        configuration.impairment.streams = vec![Direction::Command, Direction::StateToOperator];
-        configuration.impairment.delay_ms = 40.0;
-        configuration.impairment.jitter_ms = 20.0;
-        configuration.impairment.loss = 0.02;
-        configuration.impairment.outages_s = outages_s;
+        configuration.impairment.all.streams = vec![Direction::Command, Direction::StateToOperator];
+        configuration.impairment.all.delay_ms = 40.0;
+        configuration.impairment.all.jitter_ms = 20.0;
+        configuration.impairment.all.loss = 0.02;
+        configuration.impairment.all.outages_s = outages_s;
         blueprint(configuration)
     };
     let once = in_the_world(&impaired(vec![]));
@@ -211,7 +236,7 @@ fn a_bad_line_slows_the_same_way_twice_and_a_long_outage_stops_the_arm() {
 fn bad_lockstep(change: impl FnOnce(&mut tandem_link::ImpairmentSettings)) -> Blueprint {
     use tandem_link::Direction::{Command, Proposal, Setpoint, StateToArbiter, StateToOperator, StateToPredictor};
     let mut configuration = configuration();
-    let line = &mut configuration.impairment;
+    let line = &mut configuration.impairment.all;
     line.streams = vec![
         Command,
         Proposal,
@@ -248,6 +273,51 @@ fn a_trial_over_a_bad_line_in_lockstep_is_byte_for_byte_the_one_over_zenoh() {
     }
     assert!(only(&here, Topic::Setpoint).len() > 84);
     assert!(here != in_the_world(&bad_lockstep(|_| {})), "the line does something");
+}
+
+/// The tick of the command that each setpoint used, behind the tick that it answers.
+fn command_ages(messages: &Messages) -> Vec<u32> {
+    let read = only(messages, Topic::Setpoint).into_iter();
+    let read = read.filter_map(|bytes| decode::<tandem_wire::Setpoint>(bytes).ok());
+    let age = |setpoint: tandem_wire::Envelope<tandem_wire::Setpoint>| {
+        let used = setpoint.body.command?.sent;
+        let period = tandem_wire::Timing::default().period;
+        u32::try_from(setpoint.header.sent.since(used) / period).ok()
+    };
+    read.filter_map(age).collect()
+}
+
+#[test]
+fn a_streams_own_line_befalls_that_stream_in_that_direction_only() {
+    let late = |direction| {
+        let mut configuration = configuration();
+        let delay_ms = 200.0;
+        let line = tandem_link::LineSettings {
+            delay_ms,
+            ..Default::default()
+        };
+        configuration.impairment.set(direction, line);
+        in_the_world(&blueprint(configuration))
+    };
+    let commands = late(tandem_link::Direction::Command);
+    assert!(command_ages(&commands).iter().all(|age| *age == 2));
+    // Whoever sees late answers in time.
+    let states = late(tandem_link::Direction::StateToOperator);
+    assert!(command_ages(&states).iter().all(|age| *age == 0));
+    let behind = |messages: &Messages| {
+        let commands = only(messages, Topic::Command).into_iter().skip(5);
+        let read = commands.filter_map(|bytes| decode::<tandem_wire::Command>(bytes).ok());
+        let behind: std::collections::BTreeSet<_> = read
+            .map(|command| {
+                i64::from(command.header.tick) - command.body.seen.map_or(0, |seen| seen.seq.0.cast_signed())
+            })
+            .collect();
+        assert_eq!(behind.len(), 1, "as late in every tick: {behind:?}");
+        behind.first().copied()
+    };
+    let clean = behind(&in_the_world(&blueprint(configuration())));
+    assert_eq!(behind(&states), clean.map(|behind| behind + 2));
+    assert_eq!(behind(&commands), clean);
 }
 
 #[test]

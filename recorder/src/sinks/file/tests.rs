@@ -269,7 +269,7 @@ fn parts_read_alone_and_together_they_are_the_session() {
     let whole = Recording::read(&whole.disk.files()[0].1).unwrap();
     let files = split.disk.files();
     assert_eq!(files.len(), 4, "35 s in parts of 10 s");
-    let mut together = PartsReader::default();
+    let mut together: PartsReader = PartsReader::default();
     for (path, file) in &files {
         let alone = Recording::read(file).unwrap();
         assert_eq!(alone.damage, [], "{path:?}");
@@ -278,7 +278,7 @@ fn parts_read_alone_and_together_they_are_the_session() {
             alone.messages.iter().any(|message| message.topic == Topic::Trial),
             "{path:?}"
         );
-        together.add(file).unwrap();
+        together.add(std::io::Cursor::new(file)).unwrap();
     }
     let together = together.finish().unwrap();
     assert_eq!(together.damage, []);
@@ -337,9 +337,9 @@ fn a_part_is_ended_at_its_size_and_a_stranger_among_parts_is_left_out() {
     other.sink.parts = 0;
     other.sink.begin_part().unwrap();
     other.sink.close().unwrap();
-    let mut parts = PartsReader::default();
-    parts.add(&files[0].1).unwrap();
-    parts.add(&other.disk.files()[0].1).unwrap();
+    let mut parts: PartsReader = PartsReader::default();
+    parts.add(std::io::Cursor::new(&files[0].1)).unwrap();
+    parts.add(std::io::Cursor::new(&other.disk.files()[0].1)).unwrap();
     let damage = parts.finish().unwrap().damage;
     assert!(
         damage

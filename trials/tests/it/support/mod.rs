@@ -16,13 +16,25 @@ pub(crate) fn configuration() -> Configuration {
 
 /// The model of the demonstrations that ship.
 pub(crate) fn model() -> Model {
-    let demonstrations = [
+    Model::train(&demonstrations(), &Settings::default()).expect("they fit")
+}
+
+/// One that is conditioned anew on every tick; small, since it is asked so often.
+pub(crate) fn replanning_model() -> Model {
+    let settings = Settings {
+        units: 200,
+        ..Settings::replanning()
+    };
+    Model::train_replanning(&demonstrations(), &settings).expect("they fit")
+}
+
+fn demonstrations() -> [Demonstration; 3] {
+    [
         include_str!("../../../../examples/demonstrations/planar_a08.csv"),
         include_str!("../../../../examples/demonstrations/planar_a11.csv"),
         include_str!("../../../../examples/demonstrations/planar_a14.csv"),
     ]
-    .map(|text| Demonstration::from_csv("shipped", text).expect("they ship"));
-    Model::train(&demonstrations, &Settings::default()).expect("they fit")
+    .map(|text| Demonstration::from_csv("shipped", text).expect("they ship"))
 }
 
 /// Says of each message in turn whether the human has let go for good: a second without motion after some.

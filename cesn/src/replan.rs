@@ -1,0 +1,364 @@
+//! Models that are conditioned anew while the movement goes on: the context is a time and where the movement was then.
+//!
+//! Every demonstration is learnt under the conditions of [`CONDITIONS`] of its steps, evenly from the checkpoint on;
+//! under each only the steps that follow, since what lies behind a condition cannot always be told from it. The context
+//! is `[time, position]`; the reservoir hears
+//!
+//! ```text
+//! [ (t_c − t_mid) / t_half,  (p_c − p̄(t_c)) / d ]
+//! ```
+//!
+//! with `t_mid ± t_half` the conditions' span, `p̄` the demonstrations' mean path and `d` half their largest range at
+//! any one condition: a factor for time, which has no noise, and *one* factor for all positions, which have. Positions
+//! count from the mean path because where a movement is along its way hardly differs from the time.
+//!
+//! # What a departure means
+//!
+//! Where the demonstrations differ, a position off their mean says which of them it is like. Elsewhere, and across
+//! what they differ in, they say nothing, and a model fitted to them alone invents metres. The jittered copies say it
+//! instead: one that is `δ` off at its condition is learnt with the target
+//!
+//! ```text
+//! y(t) + δ · (1 − u)² (1 + 2u)          u = (t − t_c) / (T − 1 − t_c)
+//! ```
+//!
+//! so a movement that is off stays off at first and comes back smoothly by its end, and a forecast begins where the
+//! movement is. The jitter's deviation is how large such departures are taken to be, against the demonstrations' own
+//! spread at that time.
+//!
+//! # Intervals
+//!
+//! Rows of every condition count (`1/(R+1)` for copies), so `ν` sees a step of a demonstration as often as it is
+//! learnt; leaving one out leaves out all its conditions, so `s_lodo`, which the robust interval uses, is not
+//! flattered. The ratio compares like with like: `h_train(t_c, t)` is the largest leverage at step `t` of the clean
+//! demonstrations under conditions at `t_c`, linear between steps. (A late step is much less certain from the checkpoint
+//! than from just before it; compared with the largest of all conditions, what is new just before it looked known.)
+//! `ρ_hi` is measured under the first condition, at the checkpoint, as for a model of one checkpoint: later the
+//! demonstrations run together, and twice their range is nothing new.
+//!
+//! A departure of the size of the jitter is no novelty: the copies have taught it. So the ratio stays near one for a
+//! few centimetres, and grows with the square of what lies beyond.
+
+use crate::demonstration::Demonstration;
+use crate::forecast::{ForecastError, Forecaster};
+use crate::model::{Model, Provenance};
+use crate::random::{generator, normal};
+use crate::regression::Fit;
+use crate::reservoir::Reservoir;
+use crate::samples::{Samples, Sequence};
+use crate::scale::{Scale, ends_of_principal_axis};
+use crate::settings::{IntervalKind, Jitter, Settings};
+use crate::train::{RHO_HI_REACH, TrainError, check, facts, shape};
+
+/// Conditions for each demonstration; fewer if it has fewer steps after the checkpoint.
+pub const CONDITIONS: usize = 10;
+
+/// What a context `[time, position]` is compared with.
+#[derive(Clone, Debug, PartialEq, bincode::Encode, bincode::Decode)]
+pub(crate) struct Conditions {
+    /// The first condition's step: the checkpoint.
+    pub(crate) first: usize,
+    /// The last one's.
+    pub(crate) last: usize,
+    /// The demonstrations' mean, `T × Ny`, row by row.
+    pub(crate) mean_path: Vec<f64>,
+    /// `h_train`: for every step from the first condition's to the last one's a row of `T`; before the condition, what
+    /// holds at it.
+    pub(crate) training_leverages: Vec<f64>,
+}
+
+impl Conditions {
+    fn of(demonstrations: &[Demonstration], checkpoint: usize, steps: usize) -> Self {
+        let mut mean_path = Vec::new();
+        for demonstration in demonstrations {
+            let numbers = demonstration.rows().flatten();
+            mean_path.resize(demonstration.steps() * demonstration.output_columns().len(), 0.0);
+            for (mean, number) in mean_path.iter_mut().zip(numbers) {
+                *mean += number / demonstrations.len() as f64;
+            }
+        }
+        let last = steps.saturating_sub(3).max(checkpoint);
+        Self {
+            first: checkpoint,
+            last,
+            mean_path,
+            training_leverages: Vec::new(),
+        }
+    }
+
+    /// The largest leverage of the demonstrations at `step` under conditions at `time`, in steps.
+    pub(crate) fn training_leverage(&self, time: f64, step: usize) -> Option<f64> {
+        let rows = self.last - self.first + 1;
+        let steps = self.training_leverages.len() / rows;
+        let within = (time - self.first as f64).clamp(0.0, (rows - 1) as f64);
+        let row = floor(within);
+        let at = |row: usize| {
+            let place = row.min(rows - 1) * steps + step.min(steps.checked_sub(1)?);
+            self.training_leverages.get(place).copied()
+        };
+        let (low, high) = (at(row)?, at(row + 1)?);
+        Some(low + (high - low) * (within - row as f64))
+    }
+
+    /// The steps of the conditions, ascending.
+    fn steps(&self) -> Vec<usize> {
+        let span = self.last - self.first;
+        let mut steps: Vec<usize> = (0..CONDITIONS)
+            .map(|index| self.first + (2 * index * span + CONDITIONS - 1) / (2 * (CONDITIONS - 1)))
+            .collect();
+        steps.dedup();
+        steps
+    }
+
+    /// The time of a condition, −1 at the first and 1 at the last.
+    fn time(&self, step: f64) -> f64 {
+        let (first, last) = (self.first as f64, self.last as f64);
+        (2.0 * step - first - last) / (last - first).max(1.0)
+    }
+
+    /// `[time · unit, position − mean path then]` of a context whose time is in seconds; lengths fit.
+    ///
+    /// `unit` is the positions' scale, so that one division later serves both.
+    pub(crate) fn relative(&self, context: &[f64], period_s: f64, unit: f64, relative: &mut [f64]) {
+        let (Some((time, position)), Some((held, offsets))) = (context.split_first(), relative.split_first_mut())
+        else {
+            return;
+        };
+        let step = time / period_s;
+        *held = self.time(step) * unit;
+        for (k, (offset, position)) in offsets.iter_mut().zip(position).enumerate() {
+            *offset = position - self.mean_at(step, k, context.len() - 1);
+        }
+    }
+
+    /// The mean path's number `k` of `outputs`, linear between steps, constant outside of them.
+    fn mean_at(&self, step: f64, k: usize, outputs: usize) -> f64 {
+        let last = (self.mean_path.len() / outputs.max(1)).saturating_sub(1);
+        let within = step.clamp(0.0, last as f64);
+        let index = floor(within);
+        let at = |row: usize| self.mean_path.get(row.min(last) * outputs + k).copied().unwrap_or(0.0);
+        at(index) + (at(index + 1) - at(index)) * (within - index as f64)
+    }
+
+    /// Whether it fits a model of so many steps and outputs.
+    pub(crate) fn fits(&self, checkpoint: usize, steps: usize, outputs: usize) -> bool {
+        self.first == checkpoint
+            && (self.first..steps.saturating_sub(1)).contains(&self.last)
+            && self.mean_path.len() == steps * outputs
+            && self.mean_path.iter().all(|number| number.is_finite())
+            && self.training_leverages.len() == (self.last - self.first + 1) * steps
+            && self
+                .training_leverages
+                .iter()
+                .all(|leverage| (0.0..f64::INFINITY).contains(leverage))
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a step; what is no number, negative or larger than any step is clamped by the caller"
+)]
+fn floor(step: f64) -> usize {
+    step as usize
+}
+
+/// The share of a departure that is left at `step` of one made at `condition`.
+fn remaining(step: usize, condition: usize, steps: usize) -> f64 {
+    let way = steps.saturating_sub(1 + condition).max(1) as f64;
+    let u = (step.saturating_sub(condition) as f64 / way).min(1.0);
+    (1.0 - u) * (1.0 - u) * (1.0 + 2.0 * u)
+}
+
+impl Settings {
+    /// What works for a model that is conditioned anew: a gain at which time and position can multiply, and copies
+    /// 10 mm off, which say how departures go on.
+    #[must_use]
+    pub fn replanning() -> Self {
+        Self {
+            context_gain: 0.01,
+            jitter: Some(Jitter {
+                deviation: 0.01,
+                copies: 4,
+            }),
+            ..Self::default()
+        }
+    }
+}
+
+impl Model {
+    /// Trains a model that can be conditioned anew while the movement goes on; see the [module's page](self). Of the
+    /// demonstrations only the outputs count, their own contexts do not. [`Settings::replanning`] are settings for it.
+    ///
+    /// # Errors
+    /// As [`Self::train`], and when outputs are to be fed back.
+    pub fn train_replanning(demonstrations: &[Demonstration], settings: &Settings) -> Result<Self, TrainError> {
+        let first = check(demonstrations, settings)?;
+        if settings.feedback.is_some() {
+            return Err(TrainError::ReplanningWithFeedback);
+        }
+        let (steps, outputs) = (first.steps(), first.output_columns().len());
+        let contexts = outputs + 1;
+        if !Settings::inputs_fit(contexts, 0) {
+            return Err(TrainError::TooManyColumns { contexts, outputs });
+        }
+        let conditions = Conditions::of(demonstrations, settings.checkpoint_step, steps);
+        let scale = Scale {
+            mean: vec![0.0; contexts],
+            half_range: half_range(demonstrations, &conditions).ok_or(TrainError::ContextsDoNotVary)?,
+        };
+        let reservoir = Reservoir::from_seed(&shape(first, settings, contexts), settings.seed)?;
+        let sequences = sequences(demonstrations, settings, &conditions, &scale);
+        let samples = Samples::harvest(&reservoir, &sequences, outputs, settings.washout)?;
+        let fit = Fit::new(&samples, settings.ridge, settings.bias)?;
+        if settings.interval == IntervalKind::Robust && fit.left_out.is_none() {
+            return Err(TrainError::LeaveOneOut);
+        }
+        let mut facts = facts(first, settings, scale, None, &fit);
+        let positions = first.output_columns().iter().map(|column| format!("context_{column}"));
+        facts.context_columns = std::iter::once("context_time_s".to_owned()).chain(positions).collect();
+        let mut model = Self::assemble(
+            reservoir,
+            fit,
+            facts,
+            Provenance::of(demonstrations),
+            vec![0.0; steps],
+            settings,
+        )?;
+        model.conditions = Some(conditions);
+        model.measure_training_leverages(demonstrations)?;
+        model.calibrate(demonstrations)?;
+        Ok(model)
+    }
+
+    /// Measures `h_train` under conditions at every step, and its largest over all of them.
+    fn measure_training_leverages(&mut self, demonstrations: &[Demonstration]) -> Result<(), ForecastError> {
+        let Some(Conditions { first, last, .. }) = self.conditions else {
+            return Ok(());
+        };
+        let mut forecaster = Forecaster::new(self);
+        let mut table = Vec::with_capacity((last - first + 1) * self.steps());
+        for at in first..=last {
+            let mut largest = vec![0.0_f64; self.steps()];
+            for position in demonstrations.iter().filter_map(|one| one.rows().nth(at)) {
+                let context = self.context_at(at as f64, position);
+                let forecast = forecaster.forecast(self, &context, at)?;
+                for (step, largest) in largest.iter_mut().enumerate() {
+                    *largest = largest.max(forecast.leverage(step.max(at)).unwrap_or(0.0));
+                }
+            }
+            table.extend(largest);
+        }
+        for row in table.chunks_exact(self.steps()) {
+            let overall = self.calibration.training_leverages.iter_mut();
+            overall.zip(row).for_each(|(overall, one)| *overall = overall.max(*one));
+        }
+        if let Some(conditions) = &mut self.conditions {
+            conditions.training_leverages = table;
+        }
+        Ok(())
+    }
+
+    /// Measures `ρ_hi` under the condition at the checkpoint.
+    fn calibrate(&mut self, demonstrations: &[Demonstration]) -> Result<(), ForecastError> {
+        let checkpoint = self.settings.checkpoint_step;
+        let rows: Vec<&[f64]> = demonstrations
+            .iter()
+            .filter_map(|one| one.rows().nth(checkpoint))
+            .collect();
+        let outputs = self.outputs();
+        let Some(mean) = self.conditions.as_ref().and_then(|conditions| {
+            let from = checkpoint * outputs;
+            conditions.mean_path.get(from..from + outputs).map(<[f64]>::to_vec)
+        }) else {
+            return Ok(());
+        };
+        let mut forecaster = Forecaster::new(self);
+        let mut total = 0.0;
+        for position in ends_of_principal_axis(&rows, &mean, RHO_HI_REACH) {
+            let context = self.context_at(checkpoint as f64, &position);
+            total += 0.5 * forecaster.forecast(self, &context, checkpoint + 1)?.mean_ratio();
+        }
+        self.calibration.rho_hi = total.max(crate::interval::SMALLEST_RHO_HI);
+        Ok(())
+    }
+
+    /// The last step at which it can be conditioned; none for a model of one checkpoint.
+    #[must_use]
+    pub fn last_condition_step(&self) -> Option<usize> {
+        self.conditions.as_ref().map(|conditions| conditions.last)
+    }
+
+    /// The first step that follows from `context`: the checkpoint's; of a model that is conditioned anew, the one under
+    /// way at the context's time.
+    #[must_use]
+    pub fn first_step(&self, context: &[f64]) -> usize {
+        let (first, last) = (self.checkpoint_step(), self.last_condition_step());
+        let time = self.context_time(context).zip(last);
+        // A time that was written in decimals may lie a hair before its step.
+        time.map_or(first, |(time, last)| floor(time + 1e-6).clamp(first, last))
+    }
+
+    /// The context of a movement that was at `position` at `step`, which may lie between two steps: with the time in
+    /// front, in seconds, where the model wants to know it.
+    #[must_use]
+    pub fn context_at(&self, step: f64, position: &[f64]) -> Vec<f64> {
+        let time = self.conditions.as_ref().map(|_| step * self.period_s());
+        time.into_iter().chain(position.iter().copied()).collect()
+    }
+}
+
+/// Half the largest range of any output over the demonstrations at one condition's step.
+fn half_range(demonstrations: &[Demonstration], conditions: &Conditions) -> Option<f64> {
+    let mut largest = 0.0_f64;
+    for step in conditions.steps() {
+        let rows = || demonstrations.iter().filter_map(move |one| one.rows().nth(step));
+        for k in 0..rows().next()?.len() {
+            let values = || rows().map(move |row| row[k]);
+            largest = largest.max(values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min));
+        }
+    }
+    (largest > 0.0 && largest.is_finite()).then_some(0.5 * largest)
+}
+
+/// Each demonstration under each condition, followed by its copies there, all with weight `1 / (R + 1)`.
+fn sequences(
+    demonstrations: &[Demonstration],
+    settings: &Settings,
+    conditions: &Conditions,
+    scale: &Scale,
+) -> Vec<Sequence> {
+    let mut rng = generator(settings.seed, "jitter");
+    let (deviation, copies) = settings
+        .jitter
+        .map_or((0.0, 0), |jitter| (jitter.deviation, jitter.copies));
+    let mut sequences = Vec::new();
+    for (index, demonstration) in demonstrations.iter().enumerate() {
+        let (steps, outputs) = (demonstration.steps(), demonstration.output_columns().len());
+        for from in conditions.steps() {
+            for copy in 0..=copies {
+                let deviation = if copy == 0 { 0.0 } else { deviation };
+                let shift: Vec<f64> = (0..outputs).map(|_| deviation * normal(&mut rng)).collect();
+                let row = demonstration.rows().nth(from).into_iter().flatten();
+                let offsets = row.zip(&shift).enumerate();
+                let offset = offsets.map(|(k, (y, shift))| y + shift - conditions.mean_at(from as f64, k, outputs));
+                let time = conditions.time(from as f64) * scale.half_range;
+                let relative: Vec<f64> = std::iter::once(time).chain(offset).collect();
+                let mut input = vec![0.0; outputs + 1];
+                scale.apply(&relative, &mut input);
+                let shifted = demonstration.rows().enumerate().flat_map(|(step, row)| {
+                    let left = remaining(step, from, steps);
+                    row.iter().zip(&shift).map(move |(y, shift)| y + left * shift)
+                });
+                sequences.push(Sequence {
+                    inputs: input.repeat(steps),
+                    targets: shifted.collect(),
+                    weight: 1.0 / (copies as f64 + 1.0),
+                    demonstration: index,
+                    from,
+                });
+            }
+        }
+    }
+    sequences
+}

@@ -1,0 +1,4 @@
+//! Sites as their users meet them: made, copied, spoilt, asked.
+
+mod folders;
+mod privilege;

@@ -1,0 +1,55 @@
+//! What the rules of a site let each node say and hear is what the node itself declares, no less and hardly more.
+
+use std::collections::BTreeSet;
+
+use tandem_site::policy::{answers, asks, hears, hears_all, says};
+use tandem_site::{Role, policy};
+use tandem_wire::{NodeName, Ports, Topic};
+
+fn set(topics: impl IntoIterator<Item = Topic>) -> BTreeSet<Topic> {
+    topics.into_iter().collect()
+}
+
+fn check<N: Ports>() {
+    let role = Role::of(N::NAME);
+    let journal = (N::NAME != NodeName::Recorder).then_some(Topic::Journal(N::NAME));
+    let outputs = set(N::OUTPUTS.iter().copied().chain(journal).chain([Topic::Emergency]));
+    assert_eq!(
+        set(says(role)),
+        outputs,
+        "{role} says what it declares, and the emergency stop"
+    );
+
+    // A device is in the process itself; who a node is, is asked.
+    let heard = |topic: &Topic| !matches!(topic, Topic::Device | Topic::Info(_));
+    let inputs = set(N::INPUTS.iter().copied().filter(heard));
+    let allowed = set(hears(role));
+    assert!(
+        hears_all(role) || inputs.is_subset(&allowed),
+        "{role} hears {inputs:?} but may hear {allowed:?}: add it to tandem_site::policy"
+    );
+    // Whoever stops must hear that it was stopped.
+    let everybody = set([Topic::State, Topic::Setpoint, Topic::Emergency]);
+    let more = set(allowed.difference(&inputs).copied());
+    assert!(
+        more.is_subset(&everybody),
+        "{role} may hear {more:?} and does not need it"
+    );
+
+    let asked = set(N::INPUTS
+        .iter()
+        .copied()
+        .filter(|topic| matches!(topic, Topic::Info(_))));
+    assert!(asked.is_subset(&set(asks(role))), "{role} asks for {asked:?}");
+    assert_eq!(set(answers(role)), set([Topic::Info(N::NAME), Topic::Journal(N::NAME)]));
+}
+
+#[test]
+fn each_node_may_do_what_it_declares_and_hardly_more() {
+    check::<tandem_operator::Operator>();
+    check::<tandem_predictor::Predictor>();
+    check::<tandem_arbiter::Arbiter>();
+    check::<tandem_robot_sim::RobotSim>();
+    check::<tandem_recorder::Recorder>();
+    assert_eq!(policy::says(Role::Viewer), [Topic::Emergency]);
+}
