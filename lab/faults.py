@@ -28,10 +28,12 @@ class Fault:
     extra: dict = field(default_factory=dict)  # settings by node
     clocks: dict = field(default_factory=dict)  # faketime's environment by node
     guest: Optional[list] = None  # what hostile.py does on the guest's host, once the robot moves
+    certificate: str = ""  # the nodes have certificates, and the guest one of this kind
     robot_dies: bool = False
     quick: bool = False
     share: float = 1.0  # of the repetitions asked for
     recovers_s: float = 30.0
+    settles_s: float = 0.0  # how long it must have moved before the fault comes
 
 
 def kill(node):
@@ -75,7 +77,7 @@ CUT = {"inject": cut("operator", *OTHERS), "heal": heal}
 STILL = "as on a good line: a cut stops it, a fresh press moves it"
 NODES = [
     Fault("operator killed", "stops; moves again by a press of the new one", kill("operator"), start("operator"), quick=True),
-    Fault("operator ended (Ctrl-C)", "stops at once", end("operator"), start("operator")),
+    Fault("operator ended (Ctrl-C)", "stops at once", end("operator"), start("operator"), settles_s=0.8),
     Fault("operator frozen (SIGSTOP)", "stops; what was held does not count when it wakes", freeze("operator"), thaw("operator")),
     Fault("arbiter killed", "the robot stops by itself", kill("arbiter"), start("arbiter"), quick=True),
     Fault("arbiter frozen", "the robot stops by itself", freeze("arbiter"), thaw("arbiter")),
@@ -121,12 +123,22 @@ GUESTS = [
     ),
     Fault("two operators press at once", "one drives, the other is refused", expects=DRIVES_ON, guest=["second"], hold=(0.5, 1.0), share=0.3),
 ]
+FORGER = {**CUT, "guest": ["guest", "forge"], "share": 0.5}
+SHUT_OUT = "let in nowhere: " + STILL
+STRANGERS = [
+    Fault("all nodes with certificates, no stranger", STILL, **{**FORGER, "guest": None}, certificate="member"),
+    Fault("forger without a certificate", SHUT_OUT, **FORGER, certificate="none"),
+    Fault("forger with another site's certificate", SHUT_OUT, **FORGER, certificate="other"),
+    Fault("forger with an expired certificate", SHUT_OUT, **FORGER, certificate="late"),
+    Fault("forger with a viewer's certificate", "hears, and may say nothing: " + STILL, **FORGER, certificate="viewer"),
+]
 MATRIX = {
     "Nodes": NODES,
     "Cuts": CUTS,
     "Bad lines, to the operator and back": LINES,
     "Wall clocks": CLOCKS,
     "Guests": GUESTS,
+    "Certificates, and a stranger who forges setpoints": STRANGERS,
 }
 for title, faults in MATRIX.items():
     for fault in faults:

@@ -58,6 +58,48 @@ class Sight:
         return [line for line in self.lines if line["stale"]]
 
 
+class Site:
+    """A site's certificates, and some that should open nothing."""
+
+    def __init__(self, lab):
+        self.lab, self.folder, self.other = lab, lab.folder / "site", lab.folder / "other" / "site"
+        self.other.parent.mkdir()
+        for where in (self.folder, self.other):
+            self._keys(where.parent, "new", "--site", "site", "--host", lab.network.address("robot"))
+        self._keys(lab.folder, "issue", "operator", "--name", "observer", "--site", "site")
+        # Issued nine days ago for one day.
+        long_ago = {"LD_PRELOAD": FAKETIME, "FAKETIME": "-9d"}
+        self._keys(lab.folder, "issue", "arbiter", "--name", "late", "--days", "1", "--site", "site", **long_ago)
+
+    def _keys(self, where, *words, **environment):
+        command = [self.lab.tandem, "keys", *words]
+        done = subprocess.run(command, cwd=where, env={**os.environ, **environment}, capture_output=True, text=True)
+        if done.returncode:
+            raise RuntimeError(f"tandem keys {' '.join(words)}: {done.stderr.strip()}")
+        return done.stdout
+
+    def config(self, kind):
+        """Zenoh's configuration for whoever dials with a certificate of this kind."""
+        member = ("operator", "--member", "observer") if kind == "member" else ("viewer",)
+        told = json.loads(self._keys(self.lab.folder, "config", *member, "--site", "site", "--connect", self.lab.endpoint))
+        # Who dials to do harm checks nobody.
+        told.pop("access_control", None)
+        tls = told["transport"]["link"]["tls"]
+        mine = {"other": (self.other, "arbiter"), "late": (self.folder, "late")}.get(kind)
+        for key in list(tls):
+            if "certificate" in key and not key.startswith("root") or "private_key" in key:
+                if kind == "none":
+                    del tls[key]
+                elif mine:
+                    ending = "key" if "private_key" in key else "pem"
+                    tls[key] = str(mine[0] / f"{mine[1]}.{ending}")
+        if kind == "none":
+            tls["enable_mtls"] = False
+        path = self.lab.folder / f"{kind}.json"
+        path.write_text(json.dumps(told))
+        return path
+
+
 class Lab:
     """One network with all nodes on it."""
 
@@ -70,20 +112,28 @@ class Lab:
         self.nodes, self.clocks, self.extra, self.trial = {}, {}, {}, 0
         self.environment = {**os.environ, "TMPDIR": str(self.folder)}
 
-    def start_all(self, extra=None, clocks=None):
-        """Every node, the robot first, for it routes; `extra` flags and wall clocks by node."""
+    def start_all(self, extra=None, clocks=None, site=False):
+        """Every node, the robot first, for it routes; `extra` flags and wall clocks by node; with certificates or not."""
         self.extra, self.clocks = extra or {}, clocks or {}
+        self.site = Site(self) if site else None
         for node in ("robot-sim", "recorder", "predictor", "arbiter"):
             self.start(node)
-        observer = self.run_on("robot", [self.python, str(HERE / "observer.py"), "--connect", self.endpoint], pipes=True)
+        observer = [self.python, str(HERE / "observer.py"), *self.way_in()]
+        observer = self.run_on("robot", observer, pipes=True)
         self.sight = Sight(observer)
         self.start("operator")
+
+    def way_in(self, kind="member"):
+        """How a Python program reaches the robot: by its address, or by a certificate of this kind."""
+        return ["--config", str(self.site.config(kind))] if self.site else ["--connect", self.endpoint]
 
     def start(self, node):
         """Starts a node, or starts it again."""
         host = {"robot-sim": "robot", "recorder": "robot", "second": "guest"}.get(node, node)
         command = [self.tandem, "operator" if node == "second" else node]
-        command += ["--listen", self.endpoint, "--insecure"] if node == "robot-sim" else ["--connect", self.endpoint]
+        command += ["--listen", self.endpoint] if node == "robot-sim" else ["--connect", self.endpoint]
+        command += ["--insecure"] if node == "robot-sim" and not self.site else []
+        command += ["--site", str(self.site.folder), "--member", node] if self.site else []
         command += ["--record", str(self.session)] if node == "recorder" else []
         command += ["--set", "operator.name=second"] if node == "second" else []
         command += [word for pair in self.extra.get(node, ()) for word in ("--set", pair)]

@@ -12,6 +12,8 @@ from faults import DRIVES_ON, STOPS
 from hosts import HERE, Lab
 
 BEGINS_WITHIN_MS = 110.0
+# A robot refuses this many messages of its own arbiter's in a row of cuts; a stranger says 200 a second.
+FEW = 200
 # Stops that belong to every trial, whatever else happens.
 USUAL = ("the deadman is released", "the trial is over", "no trial is running")
 
@@ -37,7 +39,7 @@ class Row:
         """Everything; gives the row's figures."""
         fault, lab = self.fault, self.lab
         wanted = max(1, round(self.options.repetitions * fault.share))
-        end = time.monotonic() + self.options.limit_s
+        end, wanted = time.monotonic() + self.options.limit_s, wanted + wanted // 20
         try:
             self._start()
             while len(self.repetitions) < wanted and time.monotonic() < end:
@@ -58,7 +60,7 @@ class Row:
         clocks = fault.clocks
         if clocks == "stepping":
             self.clock, clocks = stepping_clocks(lab)
-        lab.start_all(fault.extra, clocks)
+        lab.start_all(fault.extra, clocks, bool(fault.certificate))
         if not lab.until_moving(30):
             self.troubles.append("it never moved")
             raise RuntimeError(f"{fault.name}: it never moved; see {lab.folder}")
@@ -69,8 +71,8 @@ class Row:
         elif fault.guest:
             host, what = fault.guest
             if what == "bulk":
-                self.sink = lab.run_on("robot", [lab.python, str(HERE / "hostile.py"), "sink", "--connect", lab.endpoint])
-            command = [lab.python, str(HERE / "hostile.py"), what, "--connect", lab.endpoint]
+                self.sink = lab.run_on("robot", [lab.python, str(HERE / "hostile.py"), "sink", *lab.way_in()])
+            command = [lab.python, str(HERE / "hostile.py"), what, *lab.way_in(fault.certificate)]
             self.guest = lab.run_on(host, command)
             time.sleep(1.5)
 
@@ -84,7 +86,7 @@ class Row:
         if not lab.until_moving(fault.recovers_s):
             self.troubles.append(f"did not move within {fault.recovers_s:.0f} s")
             return False
-        time.sleep(self.draw.uniform(0.05, 0.25))
+        time.sleep(fault.settles_s + self.draw.uniform(0.05, 0.25))
         if not lab.sight.latest["moving"]:
             return True  # it has just arrived, or a bad line has stopped it: not a repetition
         self._step_clock()
@@ -120,6 +122,7 @@ class Row:
         runs = self._ask("session", "stops", "--json", str(lab.session))
         info = self._ask("session", "info", "--json", str(lab.session))
         stops = [self._placed(run, stop) for run in runs for stop in run["stops"]]
+        self.repetitions = [repetition for repetition in self.repetitions if not self._stood(repetition, stops)]
         measured = [self._of(repetition, stops) for repetition in self.repetitions]
         found = [stop for stop in measured if stop]
         other = [stop for stop in stops if stop not in found and not stop["reason"].startswith(USUAL)]
@@ -162,7 +165,19 @@ class Row:
         """A stop with its instants on this machine's clock."""
         origin = self.lab.sight.origins.get(run["session"])
         heard = origin + stop["heard_ns"] * 1e-9 if origin is not None else None
-        return {**stop, "at": heard and heard + stop["noticed_ms"] * 1e-3}
+        again = origin + stop["again"]["at_ns"] * 1e-9 if heard and stop["again"] else None
+        return {**stop, "at": heard and heard + stop["noticed_ms"] * 1e-3, "until": again}
+
+    @staticmethod
+    def _stood(repetition, stops):
+        """Whether the robot had stopped already when the fault came, or because its trial ended at that moment: then the
+        repetition tells nothing."""
+        began, end = repetition["begun"], repetition["healed"]
+        placed = [stop for stop in stops if stop["at"] is not None]
+        already = any(stop["at"] < began - 0.02 and (stop["until"] is None or stop["until"] > began) for stop in placed)
+        return already or any(
+            began - 0.02 <= stop["at"] <= end and stop["reason"] == "the trial is over" for stop in placed
+        )
 
     @staticmethod
     def _of(repetition, stops):
@@ -186,6 +201,8 @@ class Row:
             broken.append(f"{len(self.repetitions) - len(figures['recovers_s'])} times it did not move again")
         if fault.expects == DRIVES_ON and other:
             broken.append(f"it stopped {len(other)} times: {other[0]['reason']}")
+        if fault.certificate and figures["refused"] > FEW:
+            broken.append(f"{figures['refused']} messages of a stranger reached the robot")
         if not self.repetitions:
             broken.append("no repetition")
         return broken

@@ -4,8 +4,9 @@ import json
 import statistics
 import time
 
+from faults import MATRIX
+
 MARK = ("<!-- lab/run writes from here -->", "<!-- to here -->")
-ORDER = ["Nodes", "Cuts", "Bad lines, to the operator and back", "Wall clocks", "Guests"]
 
 
 def pair(values, form):
@@ -25,16 +26,13 @@ def line(row):
     )
 
 
-def merged(path, rows, _machine):
-    """Earlier figures with these in their place."""
+def merged(path, row):
+    """Adds a row to the figures in a file, in the place of an earlier one of its name."""
     before = json.loads(path.read_text())["rows"] if path.exists() else []
-    stamp = time.strftime("%Y-%m-%d", time.gmtime())
-    names = {row["name"] for row in rows}
-    for row in rows:
-        row["date"] = stamp
-    everything = [row for row in before if row["name"] not in names] + rows
-    path.write_text(json.dumps({"rows": everything}, indent=1))
-    return everything
+    row["date"] = time.strftime("%Y-%m-%d", time.gmtime())
+    rows = [other for other in before if other["name"] != row["name"]] + [row]
+    path.write_text(json.dumps({"rows": rows}, indent=1))
+    return rows
 
 
 def cells(row):
@@ -68,8 +66,12 @@ HEAD = [
 
 def markdown(rows):
     out = []
-    for group in ORDER:
-        members = [row for row in rows if row["group"] == group and "begins_ms" in row]
+    for group in MATRIX:
+        order = [fault.name for fault in MATRIX[group]]
+        members = sorted(
+            (row for row in rows if row["group"] == group and "begins_ms" in row and row["name"] in order),
+            key=lambda row: order.index(row["name"]),
+        )
         if not members:
             continue
         out += [f"### {group}", "", "| " + " | ".join(HEAD) + " |", "| --- | --- |" + " ---: |" * (len(HEAD) - 2)]
