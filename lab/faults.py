@@ -131,6 +131,7 @@ STRANGERS = [
     Fault("forger with another site's certificate", SHUT_OUT, **FORGER, certificate="other"),
     Fault("forger with an expired certificate", SHUT_OUT, **FORGER, certificate="late"),
     Fault("forger with a viewer's certificate", "hears, and may say nothing: " + STILL, **FORGER, certificate="viewer"),
+    Fault("forger with the arbiter's own certificate", "refused while the true one speaks", **FORGER, certificate="arbiter"),
 ]
 MATRIX = {
     "Nodes": NODES,

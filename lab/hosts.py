@@ -85,7 +85,7 @@ class Site:
         # Who dials to do harm checks nobody.
         told.pop("access_control", None)
         tls = told["transport"]["link"]["tls"]
-        mine = {"other": (self.other, "arbiter"), "late": (self.folder, "late")}.get(kind)
+        mine = {"other": (self.other, "arbiter"), "late": (self.folder, "late"), "arbiter": (self.folder, "arbiter")}.get(kind)
         for key in list(tls):
             if "certificate" in key and not key.startswith("root") or "private_key" in key:
                 if kind == "none":

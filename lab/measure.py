@@ -201,7 +201,9 @@ class Row:
             broken.append(f"{len(self.repetitions) - len(figures['recovers_s'])} times it did not move again")
         if fault.expects == DRIVES_ON and other:
             broken.append(f"it stopped {len(other)} times: {other[0]['reason']}")
-        if fault.certificate and figures["refused"] > FEW:
+        if fault.certificate == "arbiter" and figures["refused"] <= FEW:
+            broken.append("the forger was not heard, so that the rows above show nothing")
+        elif fault.certificate not in ("", "arbiter") and figures["refused"] > FEW:
             broken.append(f"{figures['refused']} messages of a stranger reached the robot")
         if not self.repetitions:
             broken.append("no repetition")

@@ -2,7 +2,7 @@
 """Stands on the robot's host and watches: one line of JSON on the output for whatever whoever drives the lab must know.
 
 On its input: `begin N` begins trial N. Every line carries `now`, this machine's monotonic clock in seconds, and the robot's
-clock beside it where a state brought it. Motion by a press that was seen before the stop is told as `stale`.
+clock beside it where a state brought it. Motion that begins by a press which had let the robot move before is told as `stale`.
 """
 
 import argparse
@@ -23,12 +23,7 @@ class Observer:
     """What has been seen. Pure: arrivals in, lines out."""
 
     def __init__(self):
-        self.presses, self.stopped, self.said = {}, None, None
-        self.newest = (None, 0)
-
-    def command(self, now, head, body):
-        if body["deadman"] != "Released":
-            self.presses.setdefault((head["session"], body["deadman"][1]["press"]), now)
+        self.used, self.said, self.newest = set(), None, (None, 0)
 
     def state(self, now, head, body):
         """A line for each state that differs from the one before in what matters. What somebody says again is no news."""
@@ -47,19 +42,15 @@ class Observer:
             "shared": bool(obeyed and obeyed["guidance"]),
         }
         was = self.said or {}
-        if said["session"] != was.get("session"):
-            self.stopped = now
-        if not permitted and was.get("permitted"):
-            self.stopped = now
-        stale = None
-        if permitted and not was.get("permitted") and obeyed and obeyed["lease"]:
+        stale = False
+        if permitted and obeyed and obeyed["lease"]:
             press = (obeyed["lease"]["holder"], body["motion"][1]["press"])
-            made = self.presses.get(press)
-            stale = made is not None and self.stopped is not None and made < self.stopped - 0.001
+            stale = not was.get("permitted") and press in self.used
+            self.used.add(press)
         self.said = said
         if said == was and not stale:
             return None
-        return {**said, "now": now, "robot_s": head["sent"] * 1e-9, "stale": bool(stale)}
+        return {**said, "now": now, "robot_s": head["sent"] * 1e-9, "stale": stale}
 
 
 def wire_speed(velocity):
@@ -69,7 +60,7 @@ def wire_speed(velocity):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     arguments(parser)
-    link, observer = Link(parser.parse_args(), ("command", "state")), Observer()
+    link, observer = Link(parser.parse_args(), ("state",)), Observer()
     trials, session, offset = link.publisher("trial", False), fresh_session(), None
 
     def obey():
@@ -87,16 +78,13 @@ def main():
             head, body = wire.decode(suffix, data)
         except wire.Malformed:
             continue
-        now, line = arrived * 1e-9, None
-        if suffix == "command":
-            observer.command(now, head, body)
-        else:
-            line = observer.state(now, head, body)
-            # The least difference there was: the stamp of this machine's clock at which the robot's clock began.
-            origin = (head["session"], now - head["sent"] * 1e-9)
-            if offset is None or offset[0] != origin[0] or origin[1] < offset[1] - 1e-4:
-                offset = origin
-                print(json.dumps({"origin": origin[1], "session": f"{origin[0]:016x}"}), flush=True)
+        now = arrived * 1e-9
+        line = observer.state(now, head, body)
+        # The least difference there was: the stamp of this machine's clock at which the robot's clock began.
+        origin = (head["session"], now - head["sent"] * 1e-9)
+        if offset is None or offset[0] != origin[0] or origin[1] < offset[1] - 1e-4:
+            offset = origin
+            print(json.dumps({"origin": origin[1], "session": f"{origin[0]:016x}"}), flush=True)
         if line:
             print(json.dumps(line), flush=True)
     link.close()
