@@ -18,6 +18,8 @@ impl Ports for Recorder {
         Topic::State,
         Topic::Scene,
         Topic::Trial,
+        Topic::Lease,
+        Topic::Emergency,
         Topic::Journal(NodeName::Operator),
         Topic::Journal(NodeName::Predictor),
         Topic::Journal(NodeName::Arbiter),
@@ -92,9 +94,10 @@ fn sample(topic: Topic, bytes: &[u8]) -> Result<Sample, Malformed> {
         Topic::Trial => Sample::Trial(decode(bytes)?),
         Topic::Journal(node) => Sample::Journal(journal_part(node, bytes)?),
         Topic::Info(node) => Sample::Info(node, decode(bytes)?),
+        Topic::Lease => Sample::Claim(decode(bytes)?),
+        Topic::Emergency => Sample::Emergency(decode(bytes)?),
         Topic::Clock(node) => Sample::Clock(node, decode(bytes)?),
-        // Lease and emergency show in setpoints and states, and their bytes in the journals of who heard them.
-        Topic::Lease | Topic::Emergency | Topic::Alive(_) | Topic::Device | Topic::Storage | Topic::Ping(_) => {
+        Topic::Alive(_) | Topic::Device | Topic::Storage | Topic::Ping(_) => {
             return Err(Malformed::Topic);
         }
     })
