@@ -17,7 +17,7 @@ use crossbeam_channel::Receiver;
 use tandem_link::{Link, Observer, Running, Sighting};
 use tandem_operator::Status;
 use tandem_trials::{Blueprint, Trace, Tracer};
-use tandem_wire::{JournalBatch, NodeName, Pace, Stamp, Topic, Trial, Vec3, decode, seconds};
+use tandem_wire::{JournalBatch, NodeName, Pace, Topic, Trial, Vec3, decode, seconds};
 
 pub(crate) use self::following::{End, Following};
 use self::recording::Recording;
