@@ -133,12 +133,12 @@ pub enum BadPlan {
         why: &'static str,
     },
     /// A participant's code.
-    #[error("{file}: plan.participants: {source}")]
+    #[error("{file}: plan.participants: {why}")]
     Code {
         /// The file.
         file: String,
         /// What is wrong with it.
-        source: BadCode,
+        why: BadCode,
     },
     /// A participant twice.
     #[error("{file}: plan.participants names {code} twice")]

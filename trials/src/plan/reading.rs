@@ -205,10 +205,9 @@ impl Reading<'_> {
     fn participants(&self, settings: &PlanSettings) -> Result<Vec<Participant>, BadPlan> {
         let mut participants: Vec<Participant> = Vec::new();
         for code in &settings.participants {
-            let participant = code.parse::<Participant>().map_err(|source| BadPlan::Code {
-                file: self.file(),
-                source,
-            })?;
+            let participant = code
+                .parse::<Participant>()
+                .map_err(|why| BadPlan::Code { file: self.file(), why })?;
             if participants.contains(&participant) {
                 let (file, code) = (self.file(), code.clone());
                 return Err(BadPlan::Twice { file, code });
