@@ -79,6 +79,9 @@ def check_values():
     check("lease", said["lease"] == {"wish": "TakeOver", "name": "supervisor"})
     check("estop", said["estop"] == ("Clear", {"stop": {"session": 77, "seq": 3}, "by": "ada"}))
     check("storage", said["storage"] == {"condition": "NoSpace", "dropped": 12})
+    clock = said["clock"]["peers"][0]
+    check("clock", (clock["node"], clock["offset"], clock["is_skewed"]) == ("RobotSim", -1_500_000_000, True), clock)
+    check("ping", said["ping"]["heard"] == 4_099_900_000)
     check("info", said["info"]["model"] == bytes([1, 2, 3]))
     whats = [entry["what"] for entry in said["journal"]["entries"]]
     check("journal", whats[3] == ("Output", {"topic": ("Journal", "Arbiter"), "bytes": b"\3"}), whats)

@@ -36,16 +36,16 @@ class Reader:
 
 
 class Int:
-    """An unsigned integer of fixed width, little-endian."""
+    """An integer of fixed width, little-endian."""
 
-    def __init__(self, name, width):
-        self.name, self.width = name, width
+    def __init__(self, name, width, signed=False):
+        self.name, self.width, self.signed = name, width, signed
 
     def read(self, reader):
-        return int.from_bytes(reader.take(self.width), "little")
+        return int.from_bytes(reader.take(self.width), "little", signed=self.signed)
 
     def write(self, value, out):
-        out += value.to_bytes(self.width, "little")
+        out += value.to_bytes(self.width, "little", signed=self.signed)
 
 
 class Float:
@@ -218,7 +218,7 @@ def units(enum_name, *names):
     return Enum(enum_name, **{name: None for name in names})
 
 
-U8, U32, U64 = Int("u8", 1), Int("u32", 4), Int("u64", 8)
+U8, U32, U64, I64 = Int("u8", 1), Int("u32", 4), Int("u64", 8), Int("i64", 8, signed=True)
 F64, BOOL, TEXT, VEC3, LABEL = Float(), Bool(), Text(), Vec3(), Label()
 NANOS = Int("ns", 8)  # a duration, or an instant of the sender's monotonic clock, in nanoseconds
 
@@ -363,6 +363,8 @@ TOPIC = Enum(
     Lease=None,
     Emergency=None,
     Storage=None,
+    Clock=NODE,
+    Ping=NODE,
 )
 BYTES = Bytes()
 TOPIC_BYTES = Struct("TopicBytes", topic=TOPIC, bytes=BYTES)
@@ -380,6 +382,22 @@ JOURNAL_ENTRY = Struct("JournalEntry", at=NANOS, wall=NANOS, what=HAPPENING)
 JOURNAL = Struct("JournalBatch", first=U64, lost=U64, entries=Many(JOURNAL_ENTRY))
 INFO = Struct("NodeInfo", session=U64, config=TEXT, seed=U64, build=TEXT, model=BYTES)
 STORAGE = Struct("Storage", condition=units("Condition", "Kept", "Behind", "NoSpace", "Failing"), dropped=U64)
+PEER_CLOCK = Struct(
+    "PeerClock",
+    node=NODE,
+    session=U64,
+    offset=I64,
+    uncertainty=NANOS,
+    round_trip=NANOS,
+    round_trip_median=NANOS,
+    round_trip_worst=NANOS,
+    samples=U32,
+    steps=U32,
+    skew=I64,
+    is_skewed=BOOL,
+)
+CLOCK = Struct("ClockReport", peers=Many(PEER_CLOCK))
+PONG = Struct("Pong", heard=NANOS, unix_nanos=U64)
 
 # What a message is called: its kind, the longest that an honest sender makes it (header included), its body.
 MESSAGES = {
@@ -395,6 +413,8 @@ MESSAGES = {
     "storage": (11, 64, STORAGE),
     "lease": (12, 128, CLAIM),
     "estop": (13, 128, EMERGENCY),
+    "clock": (14, 4096, CLOCK),
+    "ping": (15, 64, PONG),
 }
 
 

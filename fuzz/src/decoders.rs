@@ -3,8 +3,8 @@
 use tandem_operator::DeviceSample;
 use tandem_wire::codec::{self, Message};
 use tandem_wire::{
-    Claim, Command, Emergency, Forecast, JournalBatch, NodeInfo, Proposal, Scene, Setpoint, State, Storage, Topic,
-    Trial, decode, encode, keys,
+    Claim, ClockReport, Command, Emergency, Forecast, JournalBatch, NodeInfo, Pong, Proposal, Scene, Setpoint, State,
+    Storage, Topic, Trial, decode, encode, keys,
 };
 
 use crate::chance::Chance;
@@ -48,6 +48,8 @@ impl Decoders {
             Topic::Journal(_) => self.read::<JournalBatch>(),
             Topic::Info(_) => self.read::<NodeInfo>(),
             Topic::Storage => self.read::<Storage>(),
+            Topic::Clock(_) => self.read::<ClockReport>(),
+            Topic::Ping(_) => self.read::<Pong>(),
             Topic::Alive(_) | Topic::Device => {
                 let sample = DeviceSample::from_bytes(&self.bytes);
                 sample.is_ok_and(|sample| sample.to_bytes() == self.bytes[..])

@@ -31,6 +31,8 @@ fn message(paragraph: &str) -> Option<(Topic, Vec<u8>)> {
     let topic = match name {
         "journal" => Topic::Journal(NodeName::Arbiter),
         "info" => Topic::Info(NodeName::Predictor),
+        "clock" => Topic::Clock(NodeName::Recorder),
+        "ping" => Topic::Ping(NodeName::RobotSim),
         name => keys::parse(&format!("tandem/robot/{name}"))?.1,
     };
     let digits: Vec<u32> = digits.chars().filter_map(|digit| digit.to_digit(16)).collect();

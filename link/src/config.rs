@@ -59,6 +59,16 @@ settings! {
 }
 
 settings! {
+    /// How the nodes watch each other's clocks. Nothing that moves the robot looks at them.
+    pub struct ClockSettings("clock") {
+        /// How often a node pings its peers, in milliseconds; 0: never, it only answers. In lockstep nobody pings.
+        pub every_ms: u64 = 500, in 0..=60000;
+        /// Wall clocks that are further apart than this, in milliseconds, are warned of.
+        pub skew_alarm_ms: u64 = 100, in 1..=86400000;
+    }
+}
+
+settings! {
     /// Where the task's plane lies in the robot's base frame: base = origin + x * x_axis + y * y_axis.
     pub struct TaskSettings("task") {
         /// Task coordinates (0, 0), in metres.

@@ -9,6 +9,7 @@
 //!   Zenoh callbacks ──▶ queue ──▶ [ journal · step · journal · publish ] ──▶ Zenoh
 //!                                        └──▶ journal thread ──▶ spool, Zenoh (bulk)
 //!                                                               └──▶ answers to a recorder that lacks some (bulk)
+//!   clock thread: pings, answers, offsets ──▶ Zenoh (background)
 //! ```
 //!
 //! In real time `now` is the process's monotonic clock, streams go out express with real-time priority and may be
@@ -25,6 +26,7 @@
 mod answer;
 mod arrival;
 pub mod clock;
+mod clocks;
 pub mod config;
 mod declared;
 mod dropped;
@@ -32,6 +34,7 @@ mod faults;
 pub mod impairment;
 mod journal;
 pub mod net;
+mod network;
 mod observer;
 mod player;
 pub mod reach;
@@ -43,12 +46,14 @@ mod verdict;
 
 pub use arrival::Arrival;
 pub use clock::{Clock, fresh_session};
-pub use config::{LinkSettings, LoopSettings, TaskSettings};
+pub use clocks::{Estimate, Estimator, Exchange, Taken, WINDOW, measure_clocks};
+pub use config::{ClockSettings, LinkSettings, LoopSettings, TaskSettings};
 pub use dropped::Dropped;
 pub use faults::Faults;
 pub use impairment::{Direction, Impairment, ImpairmentSettings, Impairments, LineSettings};
 pub use journal::JournalReport;
 pub use net::{Link, LinkError};
+pub use network::{Network, Noticed};
 pub use observer::{Observer, Sighting};
 pub use player::Player;
 pub use reach::Reach;

@@ -12,6 +12,7 @@ use zenoh::pubsub::Publisher;
 
 use crate::Clock;
 use crate::answer::Asker;
+use crate::clocks::Clocks;
 use crate::declared::{Declared, Entrance};
 use crate::dropped::Dropped;
 use crate::impairment::Impairment;
@@ -66,6 +67,11 @@ where
         NodeName::Recorder => None,
         _ => Some(Journal::start(link, N::NAME, &options)?),
     };
+    let clocks = match pace {
+        Pace::Real => Some(Clocks::start(link, N::NAME, options.info.session, &options.clocks)?),
+        // Stamps are no times.
+        Pace::Lockstep => None,
+    };
     let declared = Declared::new::<N>(link, &entrance, &options)?;
     let shell = Shell {
         node,
@@ -94,6 +100,7 @@ where
         .spawn(move || {
             let mut report = shell.live(&receiver);
             drop(declared);
+            drop(clocks);
             report.dropped += counted.total();
             report
         })

@@ -6,6 +6,7 @@ use crossbeam_channel::Sender;
 use tandem_wire::{Input, NodeInfo, NodeName, Stamp, Timing, Topic};
 
 use crate::Clock;
+use crate::config::ClockSettings;
 use crate::dropped::Dropped;
 use crate::faults::Faults;
 use crate::impairment::Impairments;
@@ -27,6 +28,8 @@ pub struct ShellOptions {
     pub spool: SpoolOptions,
     /// What is lost on purpose.
     pub faults: Faults,
+    /// How the peers' clocks are watched, in real time.
+    pub clocks: ClockSettings,
     /// Inputs that may wait for the node, at least one. In real time more cost the oldest ones, which are counted.
     pub queue: usize,
 }

@@ -3,15 +3,36 @@
 use std::time::Duration;
 
 use tandem_link::{
-    Clock, Faults, Impairments, Link, Observer, ShellOptions, Sighting, SpoolOptions, fresh_session, spawn,
+    Clock, ClockSettings, Faults, Impairments, Link, Observer, ShellOptions, Sighting, SpoolOptions, fresh_session,
+    measure_clocks, spawn,
 };
 use tandem_wire::codec::to_bytes;
 use tandem_wire::{
-    Command, Deadman, Envelope, Header, Input, JournalBatch, Malformed, Memory, Node, NodeInfo, NodeName, Numbering,
-    Outbox, Pace, Ports, Remember, Seq, Session, Stamp, Timing, Topic, Trial, Vec3, decode, encode,
+    ClockReport, Command, Deadman, Envelope, Header, Input, JournalBatch, Malformed, Memory, Node, NodeInfo, NodeName,
+    Numbering, Outbox, Pace, Ports, Remember, Seq, Session, Stamp, Timing, Topic, Trial, Vec3, decode, encode,
 };
 
 const LIMIT: Duration = Duration::from_secs(10);
+
+fn options(session: Session) -> ShellOptions {
+    ShellOptions {
+        timing: Timing::default(),
+        info: NodeInfo {
+            session,
+            build: "test".into(),
+            ..NodeInfo::default()
+        },
+        await_peers: vec![],
+        spool: SpoolOptions::default(),
+        clocks: ClockSettings {
+            every_ms: 20,
+            ..ClockSettings::default()
+        },
+        faults: Faults::default(),
+        impairment: Impairments::default(),
+        queue: ShellOptions::QUEUE,
+    }
+}
 
 /// Answers every trial's mark with a command that carries its number, and says goodbye with a released deadman.
 struct Echo(Numbering);
@@ -99,20 +120,7 @@ fn a_node_answers_over_real_zenoh_and_its_journal_says_so() {
     let (edge, remote) = Link::open_pair(&robot).unwrap();
     let observer = Observer::new(&edge, Pace::Real).unwrap();
     let session = fresh_session();
-    let options = ShellOptions {
-        timing: Timing::default(),
-        info: NodeInfo {
-            session,
-            build: "test".into(),
-            ..NodeInfo::default()
-        },
-        await_peers: vec![],
-        spool: SpoolOptions::default(),
-        faults: Faults::default(),
-        impairment: Impairments::default(),
-        queue: ShellOptions::QUEUE,
-    };
-    let running = spawn(&remote, Echo(Numbering::new(session)), options, |_, _| {}).unwrap();
+    let running = spawn(&remote, Echo(Numbering::new(session)), options(session), |_, _| {}).unwrap();
     let alive = std::iter::from_fn(|| observer.next(LIMIT));
     assert!(alive.into_iter().any(|sighting| matches!(
         sighting,
@@ -171,6 +179,46 @@ fn a_node_answers_over_real_zenoh_and_its_journal_says_so() {
             .iter()
             .any(|entry| to_bytes(&entry.what).windows(bytes.len()).any(|window| window == bytes))
     );
+    remote.close();
+    edge.close();
+}
+
+#[test]
+fn two_nodes_in_one_process_find_their_clocks_together_within_the_uncertainty() {
+    let robot = "clocks".parse().unwrap();
+    let (edge, remote) = Link::open_pair(&robot).unwrap();
+    let observer = Observer::new(&edge, Pace::Real).unwrap();
+    let sessions = [fresh_session(), fresh_session()];
+    let start = |link, session| spawn(link, Echo(Numbering::new(session)), options(session), |_, _| {}).unwrap();
+    let running = [start(&edge, sessions[0]), start(&remote, sessions[1])];
+    // Both run under one name, as when two operators are there at once; each tells of the other.
+    let mut told = Vec::new();
+    while told.len() < 2 {
+        let bytes = next_on(&observer, Topic::Clock(NodeName::Operator));
+        let report = decode::<ClockReport>(&bytes).unwrap();
+        let peers = report.body.peers.iter().map(|peer| (report.header.session, *peer));
+        told.extend(
+            peers
+                .filter(|(by, _)| told.iter().all(|(before, _)| before != by))
+                .collect::<Vec<_>>(),
+        );
+    }
+    for (by, peer) in told {
+        assert!(sessions.contains(&by) && sessions.contains(&peer.session) && by != peer.session);
+        // One process has one clock, so the true offset is zero; so is the wall clocks' skew, but for when they are read.
+        assert!(peer.offset.unsigned_abs() <= peer.uncertainty, "{peer:?}");
+        assert!(peer.round_trip > 0 && peer.samples > 0 && !peer.is_skewed, "{peer:?}");
+    }
+    let seen = measure_clocks(&edge, &ClockSettings::default(), 5, Duration::from_millis(100));
+    assert_eq!(seen.len(), 2, "{seen:?}");
+    assert!(
+        seen.iter().all(|peer| peer.offset.unsigned_abs() <= peer.uncertainty),
+        "{seen:?}"
+    );
+    for node in running {
+        node.stop();
+        assert!(node.join().is_some());
+    }
     remote.close();
     edge.close();
 }

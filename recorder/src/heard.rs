@@ -3,8 +3,8 @@
 use std::fmt;
 
 use tandem_wire::{
-    Command, Envelope, Forecast, Header, JournalBatch, NodeInfo, NodeName, Proposal, Scene, Setpoint, Stamp, State,
-    Topic, Trial, encode,
+    Claim, ClockReport, Command, Emergency, Envelope, Forecast, Header, JournalBatch, NodeInfo, NodeName, Proposal,
+    Scene, Setpoint, Stamp, State, Topic, Trial, encode,
 };
 
 use crate::tally::Counts;
@@ -50,10 +50,16 @@ pub enum Sample {
     Scene(Envelope<Scene>),
     /// A trial begins or ends.
     Trial(Envelope<Trial>),
+    /// An operator wants to drive, or no longer.
+    Claim(Envelope<Claim>),
+    /// Somebody stops the robot at once, or clears that.
+    Emergency(Envelope<Emergency>),
     /// Part of a node's journal, kept as the bytes that travelled.
     Journal(JournalPart),
     /// How to build a node again.
     Info(NodeName, Envelope<NodeInfo>),
+    /// What a node knows of its peers' clocks.
+    Clock(NodeName, Envelope<ClockReport>),
 }
 
 /// Part of a node's journal.
@@ -101,8 +107,11 @@ impl Sample {
             Self::State(_) => Topic::State,
             Self::Scene(_) => Topic::Scene,
             Self::Trial(_) => Topic::Trial,
+            Self::Claim(_) => Topic::Lease,
+            Self::Emergency(_) => Topic::Emergency,
             Self::Journal(part) => Topic::Journal(part.node),
             Self::Info(node, _) => Topic::Info(*node),
+            Self::Clock(node, _) => Topic::Clock(*node),
         }
     }
 
@@ -117,8 +126,11 @@ impl Sample {
             Self::State(message) => &message.header,
             Self::Scene(message) => &message.header,
             Self::Trial(message) => &message.header,
+            Self::Claim(message) => &message.header,
+            Self::Emergency(message) => &message.header,
             Self::Journal(part) => &part.header,
             Self::Info(_, message) => &message.header,
+            Self::Clock(_, message) => &message.header,
         }
     }
 
@@ -135,6 +147,9 @@ impl Sample {
             Self::State(message) => encode(message, &mut bytes),
             Self::Scene(message) => encode(message, &mut bytes),
             Self::Trial(message) => encode(message, &mut bytes),
+            Self::Claim(message) => encode(message, &mut bytes),
+            Self::Emergency(message) => encode(message, &mut bytes),
+            Self::Clock(_, message) => encode(message, &mut bytes),
             Self::Journal(_) | Self::Info(..) => return None,
         }
         Some((self.topic(), bytes))
@@ -149,6 +164,7 @@ impl Sample {
             Self::Forecast(message) => size_of_val(message.body.points.as_slice()),
             Self::Journal(part) => part.bytes.len(),
             Self::Info(_, message) => message.body.model.len() + message.body.config.len(),
+            Self::Clock(_, message) => size_of_val(message.body.peers.as_slice()),
             _ => 0,
         };
         size_of::<Heard>() + behind

@@ -34,6 +34,7 @@
 #![warn(missing_docs)]
 
 mod arm;
+mod budget;
 mod config;
 mod evidence;
 mod filling;
@@ -46,7 +47,9 @@ mod sinks;
 mod tally;
 mod urdf;
 mod view;
+mod watch;
 
+pub use budget::{Basis, Budget, Hop, HopBudget, Offset, Percentiles};
 pub use config::{BadSettings, Live, RecorderConfig, RecorderSettings, ViewTarget};
 pub use evidence::{Evidence, Fault, NoEvidence, RecordedNode, Run};
 pub use heard::{Entry, Heard, JournalPart, Level, Note, Sample};
@@ -56,7 +59,7 @@ pub use reader::{
     RepairError, Repaired, repair,
 };
 pub use session_file::{JOURNAL_ENCODING, Provenance, SessionFile, WriteError};
-pub use sinks::{Closed, Drops, Ended, Heading, Lost, Notice, OpenError, Sinks, part_path, save_what_if};
+pub use sinks::{Closed, Drops, Ended, Heading, Lost, Notice, OpenError, Sinks, find_viewer, part_path, save_what_if};
 pub use tally::{ClockOffset, Counts, Gap, JournalCount, StreamCount};
 pub use urdf::{Urdf, UrdfError};
 pub use view::what_if::Side;

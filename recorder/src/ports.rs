@@ -18,6 +18,8 @@ impl Ports for Recorder {
         Topic::State,
         Topic::Scene,
         Topic::Trial,
+        Topic::Lease,
+        Topic::Emergency,
         Topic::Journal(NodeName::Operator),
         Topic::Journal(NodeName::Predictor),
         Topic::Journal(NodeName::Arbiter),
@@ -27,6 +29,11 @@ impl Ports for Recorder {
         Topic::Info(NodeName::Arbiter),
         Topic::Info(NodeName::RobotSim),
         Topic::Info(NodeName::Recorder),
+        Topic::Clock(NodeName::Operator),
+        Topic::Clock(NodeName::Predictor),
+        Topic::Clock(NodeName::Arbiter),
+        Topic::Clock(NodeName::RobotSim),
+        Topic::Clock(NodeName::Recorder),
         // What the shell finds when it looks at the session file; it stays in this process.
         Topic::Device,
     ];
@@ -87,8 +94,10 @@ fn sample(topic: Topic, bytes: &[u8]) -> Result<Sample, Malformed> {
         Topic::Trial => Sample::Trial(decode(bytes)?),
         Topic::Journal(node) => Sample::Journal(journal_part(node, bytes)?),
         Topic::Info(node) => Sample::Info(node, decode(bytes)?),
-        // Lease and emergency show in setpoints and states, and their bytes in the journals of who heard them.
-        Topic::Lease | Topic::Emergency | Topic::Alive(_) | Topic::Device | Topic::Storage => {
+        Topic::Lease => Sample::Claim(decode(bytes)?),
+        Topic::Emergency => Sample::Emergency(decode(bytes)?),
+        Topic::Clock(node) => Sample::Clock(node, decode(bytes)?),
+        Topic::Alive(_) | Topic::Device | Topic::Storage | Topic::Ping(_) => {
             return Err(Malformed::Topic);
         }
     })

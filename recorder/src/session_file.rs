@@ -7,7 +7,9 @@
 //! | channel | schema | from |
 //! | --- | --- | --- |
 //! | `…/command`, `proposal`, `forecast`, `setpoint`, `state`, `scene`, `trial` | ours | the message of that name |
+//! | `…/lease`, `estop` | ours | who wants to drive; who stopped the robot or cleared that |
 //! | `…/counts` | ours | what was missed, unreadable or dropped, every second |
+//! | `…/clock/<node>` | ours | what that node knows of its peers' clocks, every second |
 //! | `…/frames` | `foxglove.FrameTransforms` | state: links, flange and tool in the base |
 //! | `…/tool_pose` | `foxglove.PoseInFrame` | state |
 //! | `…/forecast_path` | `foxglove.PosesInFrame` | forecast |
@@ -266,6 +268,8 @@ impl<W: Write + Seek> SessionFile<W> {
             Sample::Proposal(message) => self.put("proposal", times, &schemas::Proposal::from(message)),
             Sample::Setpoint(message) => self.put("setpoint", times, &schemas::Setpoint::from(message.as_ref())),
             Sample::Trial(message) => self.put("trial", times, &schemas::Trial::from(message)),
+            Sample::Claim(message) => self.put("lease", times, &schemas::Claim::from(message)),
+            Sample::Emergency(message) => self.put("estop", times, &schemas::Emergency::from(message)),
             Sample::Forecast(message) => {
                 self.put("forecast", times, &schemas::Forecast::from(message))?;
                 self.put("forecast_points", times, &cloud::of_forecast(&message.body, time))?;
@@ -287,6 +291,9 @@ impl<W: Write + Seek> SessionFile<W> {
             Sample::Scene(message) => self.write_scene(times, message),
             Sample::Journal(part) => self.put_journal(times, part),
             Sample::Info(node, message) => self.keep_info(times, *node, &message.body),
+            Sample::Clock(node, message) => {
+                self.put(clock_channel(*node), times, &schemas::ClockReport::new(*node, message))
+            }
         }
     }
 
@@ -413,6 +420,17 @@ impl<W: Write + Seek> SessionFile<W> {
             sequence: u32::try_from(seq.0 & u64::from(u32::MAX)).expect("masked to 32 bits"),
             session: standard::timestamp(epoch.saturating_add(heard.session_time.0)),
         }
+    }
+}
+
+/// A channel's name is known when the program is built.
+const fn clock_channel(node: NodeName) -> &'static str {
+    match node {
+        NodeName::Operator => "clock/operator",
+        NodeName::Predictor => "clock/predictor",
+        NodeName::Arbiter => "clock/arbiter",
+        NodeName::RobotSim => "clock/robot-sim",
+        NodeName::Recorder => "clock/recorder",
     }
 }
 

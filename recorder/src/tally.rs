@@ -12,7 +12,8 @@ use std::collections::BTreeMap;
 
 use tandem_wire::{Header, NodeName, Session, Stamp, Topic};
 
-use crate::heard::JournalPart;
+use crate::budget::{Budget, HopBudget, Offset};
+use crate::heard::{JournalPart, Sample};
 pub use clocks::ClockOffset;
 use clocks::Clocks;
 use gaps::Gaps;
@@ -80,6 +81,10 @@ pub struct Counts {
     pub gaps_forgotten: u64,
     /// What is known of the senders' clocks; nothing in lockstep, where stamps are no times.
     pub clocks: Vec<ClockOffset>,
+    /// What the nodes say of each other's clocks.
+    pub offsets: Vec<Offset>,
+    /// How long each hop of the loop took.
+    pub hops: Vec<HopBudget>,
 }
 
 /// Numbers that never came.
@@ -101,6 +106,7 @@ pub(crate) struct Tally {
     streams: BTreeMap<Topic, Stream>,
     journals: BTreeMap<NodeName, Journal>,
     clocks: Clocks,
+    budget: Budget,
 }
 
 #[derive(Clone, Debug)]
@@ -141,6 +147,11 @@ impl Tally {
         self.clocks.hear(now, topic, header);
     }
 
+    /// Takes in what a new message says of hops and clocks, where stamps are times.
+    pub(crate) fn budget(&mut self, sample: &Sample) {
+        self.budget.hear(sample);
+    }
+
     /// Counts a sample that could not be read, and says how many there were before it.
     pub(crate) fn count_unreadable(&mut self, topic: Topic) -> u64 {
         let count = &mut self.stream(topic).count;
@@ -165,6 +176,8 @@ impl Tally {
             gaps: self.gaps().collect(),
             gaps_forgotten: self.gaps_forgotten(),
             clocks: self.clocks.offsets(),
+            offsets: self.budget.offsets(),
+            hops: self.budget.hops(),
         }
     }
 

@@ -93,6 +93,7 @@ impl Parts {
                 vec![]
             },
             spool: SpoolOptions::new(&configuration.link, self.blueprint.session()),
+            clocks: configuration.clock.clone(),
             faults: Faults::default(),
         }
     }

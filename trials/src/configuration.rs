@@ -1,7 +1,7 @@
 //! Everything that can be set, checked.
 
 use tandem_arbiter::ArbiterSettings;
-use tandem_link::{Impairments, LinkSettings, LoopSettings, TaskSettings};
+use tandem_link::{ClockSettings, Impairments, LinkSettings, LoopSettings, TaskSettings};
 use tandem_operator::{HumanSettings, OperatorSettings};
 use tandem_predictor::PredictorSettings;
 use tandem_recorder::RecorderSettings;
@@ -15,6 +15,8 @@ use crate::drive::DriveSettings;
 pub struct Configuration {
     /// Who to talk to.
     pub link: LinkSettings,
+    /// How clocks are watched.
+    pub clock: ClockSettings,
     /// Bad lines, on purpose.
     pub impairment: Impairments,
     /// Rates, limits in time and the seed.
@@ -39,8 +41,9 @@ pub struct Configuration {
 
 impl Configuration {
     /// The sections it is read from.
-    pub const SECTIONS: [&'static str; 17] = [
+    pub const SECTIONS: [&'static str; 18] = [
         LinkSettings::NAME,
+        ClockSettings::NAME,
         Impairments::SECTIONS[0],
         Impairments::SECTIONS[1],
         Impairments::SECTIONS[2],
@@ -74,6 +77,7 @@ impl Configuration {
     pub fn from_document_beside(document: &Document, others: &[&str]) -> Result<Self, Error> {
         let configuration = Self {
             link: document.section()?,
+            clock: document.section()?,
             impairment: Impairments::from_document(document)?,
             rates: document.section()?,
             task: document.section()?,
@@ -94,6 +98,7 @@ impl Configuration {
     pub fn to_toml(&self) -> String {
         [
             show(&self.link),
+            show(&self.clock),
             self.impairment.to_toml(),
             show(&self.rates),
             show(&self.task),

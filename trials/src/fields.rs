@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 use std::fmt::Debug;
 
 use tandem_wire::{
-    Claim, Command, Emergency, Envelope, Forecast, Message, NodeInfo, Proposal, Scene, Setpoint, State, Storage, Topic,
-    Trial, decode,
+    Claim, ClockReport, Command, Emergency, Envelope, Forecast, Message, NodeInfo, Pong, Proposal, Scene, Setpoint,
+    State, Storage, Topic, Trial, decode,
 };
 
 /// Two numbers count as equal when they differ by no more than this, or by this share of the larger one.
@@ -66,6 +66,8 @@ fn print(topic: Topic, bytes: &[u8]) -> Option<String> {
         Topic::Emergency => of::<Emergency>(bytes),
         Topic::Info(_) => of::<NodeInfo>(bytes),
         Topic::Storage => of::<Storage>(bytes),
+        Topic::Clock(_) => of::<ClockReport>(bytes),
+        Topic::Ping(_) => of::<Pong>(bytes),
         Topic::Journal(_) | Topic::Alive(_) | Topic::Device => None,
     }
 }

@@ -83,6 +83,10 @@ pub enum Topic {
     Emergency,
     /// How well the session file is kept: [`Storage`](crate::Storage).
     Storage,
+    /// What a node knows of its peers' clocks: [`ClockReport`](crate::ClockReport).
+    Clock(NodeName),
+    /// Answers a ping, with nothing but times: [`Pong`](crate::Pong).
+    Ping(NodeName),
 }
 
 /// How a topic wants to be carried.
@@ -117,6 +121,8 @@ impl Topic {
             Self::Alive(node) => format!("alive/{node}"),
             Self::Device => "device".into(),
             Self::Storage => "storage".into(),
+            Self::Clock(node) => format!("clock/{node}"),
+            Self::Ping(node) => format!("ping/{node}"),
         }
     }
 
@@ -133,7 +139,7 @@ impl Topic {
             Self::Command | Self::Proposal | Self::Setpoint | Self::State | Self::Device => Delivery::Stream,
             Self::Lease | Self::Emergency => Delivery::Urgent,
             Self::Forecast | Self::Scene | Self::Trial | Self::Info(_) | Self::Alive(_) => Delivery::Event,
-            Self::Journal(_) | Self::Storage => Delivery::Bulk,
+            Self::Journal(_) | Self::Storage | Self::Clock(_) | Self::Ping(_) => Delivery::Bulk,
         }
     }
 
@@ -154,6 +160,8 @@ impl Topic {
             Self::Storage => 11,
             Self::Lease => 12,
             Self::Emergency => 13,
+            Self::Clock(_) => 14,
+            Self::Ping(_) => 15,
             Self::Alive(_) => 0,
         }
     }
@@ -242,6 +250,8 @@ pub fn parse(key: &str) -> Option<(RobotName, Topic)> {
         ("journal", Some(node)) => Topic::Journal(node_named(node)?),
         ("node", Some(node)) => Topic::Info(node_named(node)?),
         ("alive", Some(node)) => Topic::Alive(node_named(node)?),
+        ("clock", Some(node)) => Topic::Clock(node_named(node)?),
+        ("ping", Some(node)) => Topic::Ping(node_named(node)?),
         _ => return None,
     };
     chunks.next().is_none().then_some((robot, topic))
@@ -263,6 +273,7 @@ mod tests {
         topics.extend([Topic::Emergency, Topic::Storage]);
         for node in NodeName::ALL {
             topics.extend([Topic::Journal(node), Topic::Info(node), Topic::Alive(node)]);
+            topics.extend([Topic::Clock(node), Topic::Ping(node)]);
         }
         for topic in topics {
             assert_eq!(parse(&topic.key(&robot)), Some((robot.clone(), topic)));

@@ -11,6 +11,7 @@
 //!
 //! Start reading at [`messages`].
 
+mod clock;
 pub mod codec;
 mod emergency;
 mod frame;
@@ -28,6 +29,7 @@ mod stamp;
 mod storage;
 mod timing;
 
+pub use clock::{CLOCK_PEERS, ClockReport, PeerClock, Pong};
 pub use codec::{Envelope, Header, Malformed, Message, decode, encode};
 pub use emergency::{Emergency, Latch};
 pub use frame::TaskFrame;

@@ -76,6 +76,8 @@ fn the_layout_is_what_it_was() {
         ("journal", check(samples::journal())),
         ("info", check(samples::info())),
         ("storage", check(samples::storage())),
+        ("clock", check(samples::clock())),
+        ("ping", check(samples::pong())),
     ];
     let text: String = golden.iter().map(|(name, hex)| format!("{name}\n{hex}\n\n")).collect();
     if text != include_str!("golden.txt") {
@@ -121,7 +123,7 @@ proptest! {
     #[test]
     fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
         let mut framed = bytes.clone();
-        for kind in 0..14 {
+        for kind in 0..16 {
             if framed.len() > 4 {
                 framed[..4].copy_from_slice(&[VERSION, kind, 0, 0]);
             }
@@ -137,6 +139,8 @@ proptest! {
             let _ = decode::<JournalBatch>(&framed);
             let _ = decode::<NodeInfo>(&framed);
             let _ = decode::<Storage>(&framed);
+            let _ = decode::<ClockReport>(&framed);
+            let _ = decode::<Pong>(&framed);
         }
     }
 

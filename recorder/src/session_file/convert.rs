@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use tandem_wire as wire;
 
 use super::schemas::{
-    Body, ChannelDrops, Clearance, ClockOffset, Command, Counts, Cylinder, Forecast, ForecastPoint, Gap, Guidance,
-    Header, JournalCount, Law, MessageId, Motion, Obeyed, Proposal, Refusals, Scene, Setpoint, State, StreamCount,
-    Trial, Used,
+    Body, ChannelDrops, Claim, Clearance, ClockOffset, ClockReport, Command, Counts, Cylinder, Emergency, Forecast,
+    ForecastPoint, Gap, Guidance, Header, Hop, JournalCount, Law, Lease, MessageId, Motion, Obeyed, PeerClock,
+    Proposal, Refusals, Scene, Setpoint, State, StreamCount, Trial, Used, Wish,
 };
 use super::standard::{frame_name, pose, vector};
+use crate::budget::HopBudget;
 use crate::sinks::Drops;
 use crate::tally;
 
@@ -167,6 +168,45 @@ impl From<&wire::Envelope<wire::Setpoint>> for Setpoint {
             used_proposal: setpoint.proposal.map(Into::into),
             seen_state: setpoint.seen.map(Into::into),
             refused: (&setpoint.refused).into(),
+            lease: setpoint.lease.map(Into::into),
+        }
+    }
+}
+
+impl From<wire::Lease> for Lease {
+    fn from(lease: wire::Lease) -> Self {
+        Self {
+            number: lease.number,
+            holder_session: lease.holder.0,
+            name: lease.name.to_string(),
+        }
+    }
+}
+
+impl From<&wire::Envelope<wire::Claim>> for Claim {
+    fn from(message: &wire::Envelope<wire::Claim>) -> Self {
+        Self {
+            header: (&message.header).into(),
+            wish: match message.body.wish {
+                wire::Wish::Drive => Wish::Drive,
+                wire::Wish::Release => Wish::Release,
+                wire::Wish::TakeOver => Wish::TakeOver,
+            },
+            name: message.body.name.to_string(),
+        }
+    }
+}
+
+impl From<&wire::Envelope<wire::Emergency>> for Emergency {
+    fn from(message: &wire::Envelope<wire::Emergency>) -> Self {
+        let (clears, by) = match message.body {
+            wire::Emergency::Stop { by } => (None, by),
+            wire::Emergency::Clear { stop, by } => (Some(stop.into()), by),
+        };
+        Self {
+            header: (&message.header).into(),
+            clears,
+            by: by.to_string(),
         }
     }
 }
@@ -271,6 +311,7 @@ impl Counts {
             gaps: counts.gaps.iter().map(Into::into).collect(),
             gaps_forgotten: counts.gaps_forgotten,
             clocks: counts.clocks.iter().map(Into::into).collect(),
+            hops: counts.hops.iter().map(Into::into).collect(),
         }
     }
 }
@@ -311,6 +352,52 @@ impl From<&tally::ClockOffset> for ClockOffset {
             mean_one_way_ns: clock.mean,
             most_one_way_ns: clock.most,
             messages: clock.messages,
+        }
+    }
+}
+
+impl ClockReport {
+    pub(super) fn new(node: wire::NodeName, message: &wire::Envelope<wire::ClockReport>) -> Self {
+        Self {
+            header: (&message.header).into(),
+            node: node.to_string(),
+            peers: message.body.peers.iter().map(Into::into).collect(),
+        }
+    }
+}
+
+impl From<&wire::PeerClock> for PeerClock {
+    fn from(peer: &wire::PeerClock) -> Self {
+        Self {
+            node: peer.node.to_string(),
+            session: peer.session.0,
+            offset_ns: peer.offset,
+            uncertainty_ns: peer.uncertainty,
+            round_trip_ns: peer.round_trip,
+            round_trip_median_ns: peer.round_trip_median,
+            round_trip_worst_ns: peer.round_trip_worst,
+            samples: peer.samples,
+            steps: peer.steps,
+            skew_ns: peer.skew,
+            is_skewed: peer.is_skewed,
+        }
+    }
+}
+
+impl From<&HopBudget> for Hop {
+    fn from(hop: &HopBudget) -> Self {
+        let ms = |nanos: wire::Nanos| wire::seconds(nanos) * 1e3;
+        Self {
+            name: hop.hop.as_str().to_owned(),
+            count: hop.count,
+            p50_ms: ms(hop.all.p50),
+            p95_ms: ms(hop.all.p95),
+            p99_ms: ms(hop.all.p99),
+            worst_ms: ms(hop.worst),
+            recent_p50_ms: ms(hop.recent.p50),
+            recent_p95_ms: ms(hop.recent.p95),
+            recent_p99_ms: ms(hop.recent.p99),
+            uncertainty_ms: ms(hop.uncertainty),
         }
     }
 }

@@ -4,7 +4,7 @@ use tandem_wire::codec::{VERSION, to_bytes};
 use tandem_wire::{JournalBatch, Message as _, NodeName, Topic};
 
 /// Every topic; where a node belongs to it, the operator's.
-const TOPICS: [Topic; 14] = [
+const TOPICS: [Topic; 16] = [
     Topic::Command,
     Topic::Proposal,
     Topic::Forecast,
@@ -19,6 +19,8 @@ const TOPICS: [Topic; 14] = [
     Topic::Lease,
     Topic::Emergency,
     Topic::Storage,
+    Topic::Clock(NodeName::Operator),
+    Topic::Ping(NodeName::Operator),
 ];
 
 /// The layout in words, with the version and the numbers that this build writes.
@@ -31,7 +33,7 @@ pub(super) fn text() -> String {
          in bincode 2, fixed-width little-endian integers: first u64, lost u64, count u64, and that many entries of: at \
          u64, wall u64, both in nanoseconds, variant u32 with 0 sample (topic, length u64, bytes), 1 wake, 2 presence \
          (peer u32, alive u8), 3 stop, 4 output (topic, length u64, bytes), 5 snapshot (length u64, bytes). A topic is a \
-         u32 ({}), followed for journal, node and alive by the node as a u32 ({}).",
+         u32 ({}), followed for journal, node, alive, clock and ping by the node as a u32 ({}).",
         TOPICS.map(named).join(", "),
         nodes.join(", ")
     )

@@ -60,5 +60,23 @@ pub(super) fn fields(counts: &Counts, drops: Drops, is_closed: bool) -> BTreeMap
         put(format!("{name}.most_ns"), clock.most.to_string());
         put(format!("{name}.messages"), clock.messages.to_string());
     }
+    for offset in &counts.offsets {
+        let peer = &offset.peer;
+        let name = format!("offset.{}.{}.{:016x}", offset.observer, peer.node, peer.session.0);
+        put(format!("{name}.offset_ns"), peer.offset.to_string());
+        put(format!("{name}.uncertainty_ns"), peer.uncertainty.to_string());
+        put(format!("{name}.round_trip_ns"), peer.round_trip.to_string());
+        put(format!("{name}.skew_ns"), peer.skew.to_string());
+        put(format!("{name}.steps"), peer.steps.to_string());
+    }
+    for hop in &counts.hops {
+        let name = format!("hop.{}", hop.hop.as_str());
+        put(format!("{name}.count"), hop.count.to_string());
+        put(format!("{name}.p50_ns"), hop.all.p50.to_string());
+        put(format!("{name}.p95_ns"), hop.all.p95.to_string());
+        put(format!("{name}.p99_ns"), hop.all.p99.to_string());
+        put(format!("{name}.worst_ns"), hop.worst.to_string());
+        put(format!("{name}.uncertainty_ns"), hop.uncertainty.to_string());
+    }
     fields
 }

@@ -120,6 +120,36 @@ pub(super) struct Setpoint {
     pub(super) used_proposal: Option<Used>,
     pub(super) seen_state: Option<MessageId>,
     pub(super) refused: Refusals,
+    pub(super) lease: Option<Lease>,
+}
+
+#[derive(Encode)]
+pub(super) struct Lease {
+    pub(super) number: u32,
+    pub(super) holder_session: u64,
+    pub(super) name: String,
+}
+
+#[derive(Encode)]
+pub(super) struct Claim {
+    pub(super) header: Header,
+    pub(super) wish: Wish,
+    pub(super) name: String,
+}
+
+#[derive(Clone, Copy, Encode)]
+pub(super) enum Wish {
+    Drive,
+    Release,
+    TakeOver,
+}
+
+#[derive(Encode)]
+pub(super) struct Emergency {
+    pub(super) header: Header,
+    /// The stop that ends; of a stop, nothing.
+    pub(super) clears: Option<MessageId>,
+    pub(super) by: String,
 }
 
 #[derive(Encode)]
@@ -239,6 +269,42 @@ pub(super) struct ClockOffset {
 }
 
 #[derive(Encode)]
+pub(super) struct PeerClock {
+    pub(super) node: String,
+    pub(super) session: u64,
+    pub(super) offset_ns: i64,
+    pub(super) uncertainty_ns: u64,
+    pub(super) round_trip_ns: u64,
+    pub(super) round_trip_median_ns: u64,
+    pub(super) round_trip_worst_ns: u64,
+    pub(super) samples: u32,
+    pub(super) steps: u32,
+    pub(super) skew_ns: i64,
+    pub(super) is_skewed: bool,
+}
+
+#[derive(Encode)]
+pub(super) struct ClockReport {
+    pub(super) header: Header,
+    pub(super) node: String,
+    pub(super) peers: Vec<PeerClock>,
+}
+
+#[derive(Encode)]
+pub(super) struct Hop {
+    pub(super) name: String,
+    pub(super) count: u64,
+    pub(super) p50_ms: f64,
+    pub(super) p95_ms: f64,
+    pub(super) p99_ms: f64,
+    pub(super) worst_ms: f64,
+    pub(super) recent_p50_ms: f64,
+    pub(super) recent_p95_ms: f64,
+    pub(super) recent_p99_ms: f64,
+    pub(super) uncertainty_ms: f64,
+}
+
+#[derive(Encode)]
 pub(super) struct Counts {
     pub(super) streams: Vec<StreamCount>,
     pub(super) journals: Vec<JournalCount>,
@@ -248,4 +314,5 @@ pub(super) struct Counts {
     pub(super) gaps: Vec<Gap>,
     pub(super) gaps_forgotten: u64,
     pub(super) clocks: Vec<ClockOffset>,
+    pub(super) hops: Vec<Hop>,
 }

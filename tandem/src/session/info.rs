@@ -1,6 +1,7 @@
 //! What a person wants to know of a session file.
 
 mod facts;
+mod latency;
 
 use serde_json::{Value, json};
 use tandem_recorder::{Gap, Recording};
@@ -8,7 +9,8 @@ use tandem_wire::Topic;
 
 use super::verdict::Known;
 use crate::table;
-use facts::{Facts, Stop};
+use facts::{Event, Facts, Stop};
+use latency::{HopRead, OffsetRead};
 
 pub(super) fn print(recording: &Recording, verdict: &Known, as_json: bool) -> anyhow::Result<()> {
     let facts = Facts::of(recording);
@@ -68,9 +70,13 @@ fn json(recording: &Recording, facts: &Facts, verdict: &Known) -> Value {
         "gaps": gaps.collect::<Vec<_>>(),
         "gaps_forgotten": recording.counts.gaps_forgotten,
         "clocks": clocks.collect::<Vec<_>>(),
+        "offsets": facts.offsets.iter().map(OffsetRead::json).collect::<Vec<_>>(),
+        "latency": facts.hops.iter().map(HopRead::json).collect::<Vec<_>>(),
         "closed": facts.is_closed,
         "dropped_before_file": facts.dropped,
         "stops": stops.collect::<Vec<_>>(),
+        "leases": events(&facts.leases),
+        "emergency_stops": events(&facts.emergencies),
         "trouble": facts.trouble,
         "damage": recording.damage.iter().map(ToString::to_string).collect::<Vec<_>>(),
     })
@@ -95,12 +101,31 @@ fn text(recording: &Recording, facts: &Facts, verdict: &Known) -> String {
             format!("{number} {label:?}, {begin_s:.1} s to {end}: {}", trial.outcome),
         ));
     }
+    rows.extend(facts.leases.iter().map(|event| ("lease", event_row(event))));
+    rows.extend(
+        facts
+            .emergencies
+            .iter()
+            .map(|event| ("emergency stop", event_row(event))),
+    );
     rows.extend(stop_rows(&facts.stops).into_iter().map(|row| ("stops", row)));
     rows.extend(gap_rows(recording).into_iter().map(|row| ("missing", row)));
+    rows.extend(facts.hops.iter().map(|hop| ("latency", hop.row())));
     rows.extend(clock_rows(facts).into_iter().map(|row| ("clock", row)));
     rows.extend(facts.trouble.iter().map(|trouble| ("recorder", trouble.clone())));
     rows.extend(recording.damage.iter().map(|damage| ("damage", damage.to_string())));
     format!("{}\n\n{}", table::rows(&rows), channels(recording, facts))
+}
+
+fn events(events: &[Event]) -> Value {
+    events
+        .iter()
+        .map(|event| json!({"at_s": event.at_s, "what": event.what}))
+        .collect()
+}
+
+fn event_row(event: &Event) -> String {
+    format!("{:.1} s: {}", event.at_s, event.what)
 }
 
 fn verdict_words(verdict: &Known) -> String {
@@ -187,7 +212,19 @@ fn clock_rows(facts: &Facts) -> Vec<String> {
             ms(clock.most.saturating_sub(clock.least)),
         )
     };
-    facts.clocks.iter().map(row).collect()
+    // The recorder's own measurements; a bound from one way stands in where there is none.
+    let measured: Vec<&OffsetRead> = facts
+        .offsets
+        .iter()
+        .filter(|offset| offset.observer == "recorder")
+        .collect();
+    let is_measured = |node: &str| measured.iter().any(|offset| offset.node == node);
+    let bounds = facts.clocks.iter().filter(|clock| !is_measured(clock.node.as_str()));
+    measured
+        .iter()
+        .map(|offset| offset.row())
+        .chain(bounds.map(row))
+        .collect()
 }
 
 /// Every channel with its rate and what is missing from it.

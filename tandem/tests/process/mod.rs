@@ -18,6 +18,15 @@ impl Process {
         Self(child.expect("tandem starts"))
     }
 
+    /// Runs it to its end.
+    pub(crate) fn output(arguments: &[&str]) -> std::process::Output {
+        let run = Command::new(env!("CARGO_BIN_EXE_tandem"))
+            .args(arguments)
+            .stdin(Stdio::null())
+            .output();
+        run.expect("tandem starts")
+    }
+
     /// One that was started in another way.
     pub(crate) const fn of(child: Child) -> Self {
         Self(child)

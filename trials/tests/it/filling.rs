@@ -6,7 +6,9 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use crate::support::model;
-use tandem_link::{Clock, Faults, Link, Observer, Report, Running, ShellOptions, Sighting, SpoolOptions, spawn};
+use tandem_link::{
+    Clock, ClockSettings, Faults, Link, Observer, Report, Running, ShellOptions, Sighting, SpoolOptions, spawn,
+};
 use tandem_recorder::{Evidence, Provenance, Recorder, RecorderConfig, RecorderSettings, Sinks};
 use tandem_trials::{Blueprint, Configuration, Findings, Missing, Overall, Verdict, reexecute};
 use tandem_wire::{NodeInfo, NodeName, Numbering, Pace, Ports, Session, Stamp, Topic, Trial, encode};
@@ -61,6 +63,7 @@ impl Stage {
                 folder: self.spool.clone(),
                 limit_bytes: self.course.spool_bytes,
             },
+            clocks: ClockSettings::default(),
             faults: if recorder {
                 Faults::default()
             } else {

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use crate::support::{configuration, model, over, replanning_model};
-use tandem_link::{Faults, Link, Observer, Running, ShellOptions, Sighting, SpoolOptions, spawn};
+use tandem_link::{ClockSettings, Faults, Link, Observer, Running, ShellOptions, Sighting, SpoolOptions, spawn};
 use tandem_trials::{Blueprint, Configuration, Halt, World};
 use tandem_wire::{
     Forecast, NodeInfo, NodeName, Numbering, Pace, Ports, SECOND, Session, State, Topic, Trial, decode, encode,
@@ -60,6 +60,7 @@ where
         },
         await_peers: LOOP.into_iter().filter(|name| *name != N::NAME).collect(),
         spool: SpoolOptions::default(),
+        clocks: ClockSettings::default(),
         faults: Faults::default(),
         impairment: blueprint.configuration().impairment.clone(),
         queue: ShellOptions::QUEUE,

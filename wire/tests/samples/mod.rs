@@ -241,3 +241,29 @@ pub(crate) const fn storage() -> Storage {
         dropped: 12,
     }
 }
+
+#[allow(dead_code, reason = "the benchmark leaves it out")]
+pub(crate) fn clock() -> ClockReport {
+    let peer = PeerClock {
+        node: NodeName::RobotSim,
+        session: Session(77),
+        offset: -1_500_000_000,
+        uncertainty: 150_000,
+        round_trip: 290_000,
+        round_trip_median: 310_000,
+        round_trip_worst: 2_400_000,
+        samples: 32,
+        steps: 1,
+        skew: 3_250_000_000,
+        is_skewed: true,
+    };
+    ClockReport { peers: vec![peer] }
+}
+
+#[allow(dead_code, reason = "the benchmark leaves it out")]
+pub(crate) const fn pong() -> Pong {
+    Pong {
+        heard: Stamp(4_099_900_000),
+        unix_nanos: 1_700_000_000_000_000_000,
+    }
+}
