@@ -2,6 +2,9 @@
 
 #![allow(dead_code, reason = "every test uses another part")]
 
+#[cfg(unix)]
+pub(crate) mod loops;
+
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
