@@ -3,12 +3,12 @@
 use tandem_operator::DeviceSample;
 use tandem_wire::codec::{self, Message};
 use tandem_wire::{
-    Claim, ClockReport, Command, Emergency, Forecast, JournalBatch, NodeInfo, Pong, Proposal, Scene, Setpoint, State,
-    Storage, Topic, Trial, decode, encode, keys,
+    Claim, ClockReport, Command, Emergency, Forecast, JournalBatch, Malformed, NodeInfo, Pong, Proposal, Scene,
+    Setpoint, State, Storage, Topic, Trial, decode, encode, keys,
 };
 
 use crate::chance::Chance;
-use crate::{Target, mutate, seeds};
+use crate::{Target, Tried, count, mutate, seeds};
 
 /// Every message's bytes, damaged; keys; a keyboard's samples.
 pub(crate) struct Decoders {
@@ -25,16 +25,13 @@ impl Decoders {
     }
 
     /// What is read is written again the same: nothing in the bytes goes unread.
-    fn read<M: Message>(&mut self) -> bool {
-        let Ok(message) = decode::<M>(&self.bytes) else {
-            return false;
-        };
-        encode(&message, &mut self.again);
+    fn read<M: Message>(&mut self) -> Result<(), Malformed> {
+        encode(&decode::<M>(&self.bytes)?, &mut self.again);
         assert_eq!(self.again, self.bytes, "read, and written otherwise");
-        true
+        Ok(())
     }
 
-    fn read_as(&mut self, topic: Topic) -> bool {
+    fn read_as(&mut self, topic: Topic) -> Result<(), Malformed> {
         match topic {
             Topic::Command => self.read::<Command>(),
             Topic::Proposal => self.read::<Proposal>(),
@@ -51,11 +48,43 @@ impl Decoders {
             Topic::Clock(_) => self.read::<ClockReport>(),
             Topic::Ping(_) => self.read::<Pong>(),
             Topic::Alive(_) | Topic::Device => {
-                let sample = DeviceSample::from_bytes(&self.bytes);
-                sample.is_ok_and(|sample| sample.to_bytes() == self.bytes[..])
+                let sample = DeviceSample::from_bytes(&self.bytes)?;
+                assert_eq!(sample.to_bytes(), self.bytes[..], "read, and written otherwise");
+                Ok(())
             }
         }
     }
+}
+
+/// What the decoder of a topic is called.
+pub(crate) const fn name(topic: Topic) -> &'static str {
+    match topic {
+        Topic::Command => "command",
+        Topic::Proposal => "proposal",
+        Topic::Forecast => "forecast",
+        Topic::Setpoint => "setpoint",
+        Topic::State => "state",
+        Topic::Scene => "scene",
+        Topic::Trial => "trial",
+        Topic::Lease => "claim",
+        Topic::Emergency => "emergency",
+        Topic::Journal(_) => "journal",
+        Topic::Info(_) => "info",
+        Topic::Storage => "storage",
+        Topic::Clock(_) => "clock",
+        Topic::Ping(_) => "pong",
+        Topic::Alive(_) | Topic::Device => "device",
+    }
+}
+
+/// Decodes `bytes` as what belongs on `topic`; what is read is written again the same.
+///
+/// # Panics
+/// When it is not.
+pub(crate) fn try_one(topic: Topic, bytes: &[u8]) -> Result<(), Malformed> {
+    let mut decoders = Decoders::new();
+    decoders.bytes.extend_from_slice(bytes);
+    decoders.read_as(topic)
 }
 
 impl Target for Decoders {
@@ -63,7 +92,7 @@ impl Target for Decoders {
         "decoders"
     }
 
-    fn run(&mut self, seed: u64) -> u64 {
+    fn run(&mut self, seed: u64, tried: &mut Tried) {
         let mut chance = Chance::new(seed);
         let (topic, golden) = chance.pick(seeds::messages());
         self.bytes.clone_from(golden);
@@ -74,15 +103,18 @@ impl Target for Decoders {
         } else {
             topic
         };
-        let is_read = self.read_as(*topic);
+        count(tried, name(*topic));
+        let read = self.read_as(*topic);
         if codec::peek(&self.bytes).is_err() {
-            assert!(!is_read, "a body was read behind a header that cannot be");
+            assert!(read.is_err(), "a body was read behind a header that cannot be");
         }
         if chance.once_in(8) {
             self.bytes.truncate(chance.below(8));
-            self.read_as(Topic::Device);
+            count(tried, name(Topic::Device));
+            self.read_as(Topic::Device).ok();
         }
         if chance.once_in(8) {
+            count(tried, "keys");
             let mut key = topic.suffix().into_bytes();
             key.splice(..0, *b"tandem/robot/");
             mutate::damage(&mut key, 3, &mut chance);
@@ -90,6 +122,5 @@ impl Target for Decoders {
                 assert_eq!(keys::parse(&topic.key(&robot)), Some((robot, topic)));
             }
         }
-        1
     }
 }

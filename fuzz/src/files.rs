@@ -7,7 +7,7 @@ use tandem_trials::reexecute;
 
 use crate::chance::Chance;
 use crate::records::{Record, apart, together};
-use crate::{Target, mutate, seeds};
+use crate::{Target, Tried, count, mutate, seeds};
 
 /// A case in so many is executed again as well, which costs as much as a hundred readings.
 const EXECUTED: usize = 64;
@@ -40,7 +40,8 @@ impl Target for Cuts {
         "cuts"
     }
 
-    fn run(&mut self, seed: u64) -> u64 {
+    fn run(&mut self, seed: u64, tried: &mut Tried) {
+        count(tried, self.name());
         let file = seeds::session();
         let cut = usize::try_from(seed % file.len() as u64).unwrap_or(0);
         let cut = &file[..cut];
@@ -66,7 +67,6 @@ impl Target for Cuts {
             );
         }
         check(cut, false);
-        1
     }
 }
 
@@ -75,11 +75,11 @@ impl Target for Cuts {
 /// # Panics
 /// When a cut goes unnoticed.
 pub fn every_cut(stride: usize) -> u64 {
-    let mut cuts = Cuts::new();
-    (0..seeds::session().len() as u64)
-        .step_by(stride.max(1))
-        .map(|seed| cuts.run(seed))
-        .sum()
+    let (mut cuts, mut tried) = (Cuts::new(), Tried::new());
+    for cut in (0..seeds::session().len() as u64).step_by(stride.max(1)) {
+        cuts.run(cut, &mut tried);
+    }
+    tried.values().sum()
 }
 
 impl Bytes {
@@ -93,12 +93,12 @@ impl Target for Bytes {
         "bytes"
     }
 
-    fn run(&mut self, seed: u64) -> u64 {
+    fn run(&mut self, seed: u64, tried: &mut Tried) {
+        count(tried, self.name());
         let mut chance = Chance::new(seed);
         let mut file = seeds::session().to_vec();
         mutate::damage(&mut file, 8, &mut chance);
         check(&file, chance.once_in(EXECUTED));
-        1
     }
 }
 
@@ -115,7 +115,8 @@ impl Target for Records {
         "records"
     }
 
-    fn run(&mut self, seed: u64) -> u64 {
+    fn run(&mut self, seed: u64, tried: &mut Tried) {
+        count(tried, self.name());
         let mut chance = Chance::new(seed);
         let mut records = self.records.clone();
         crate::records::damage(&mut records, &mut chance);
@@ -125,7 +126,6 @@ impl Target for Records {
             mutate::damage(&mut file, 2, &mut chance);
         }
         check(&file, chance.once_in(EXECUTED));
-        1
     }
 }
 

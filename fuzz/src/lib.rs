@@ -23,7 +23,10 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+use std::collections::BTreeMap;
+
 mod chance;
+pub mod corpus;
 mod decoders;
 mod files;
 mod loops;
@@ -34,16 +37,23 @@ mod texts;
 
 pub use files::every_cut;
 
+/// How many inputs went into what: into each decoder, into each node, or into the one thing that a target is about.
+pub type Tried = BTreeMap<&'static str, u64>;
+
+fn count(tried: &mut Tried, what: &'static str) {
+    *tried.entry(what).or_default() += 1;
+}
+
 /// Something that is fed bad input.
 pub trait Target {
     /// What the command line calls it.
     fn name(&self) -> &'static str;
 
-    /// Tries the case of this seed and says how many inputs that were.
+    /// Tries the case of this seed, and counts its inputs.
     ///
     /// # Panics
     /// When what must hold does not: that is what it is for.
-    fn run(&mut self, seed: u64) -> u64;
+    fn run(&mut self, seed: u64, tried: &mut Tried);
 }
 
 /// Every target, ready to run.

@@ -18,7 +18,7 @@ use tandem_wire::{
 };
 
 use crate::chance::Chance;
-use crate::{Target, mutate, seeds};
+use crate::{Target, Tried, count, mutate, seeds};
 
 /// Events of one case: enough for a trial to begin, the checkpoint to be passed and something to break.
 const EVENTS: u64 = 1500;
@@ -59,7 +59,7 @@ impl Target for Loops {
         "loop"
     }
 
-    fn run(&mut self, seed: u64) -> u64 {
+    fn run(&mut self, seed: u64, tried: &mut Tried) {
         let mut chance = Chance::new(seed);
         let blueprint = &self.blueprints[usize::from(chance.once_in(3))];
         let weather = Weather {
@@ -75,7 +75,9 @@ impl Target for Loops {
         if is_drawn {
             stage.draw();
         }
-        stage.steps
+        for (node, steps) in stage.tried {
+            *tried.entry(node).or_default() += steps;
+        }
     }
 }
 
@@ -129,6 +131,7 @@ struct Stage<'a> {
     under_way: BTreeMap<(Stamp, u64), Parcel>,
     sent: u64,
     steps: u64,
+    tried: Tried,
     heard: Vec<Output>,
     journals: BTreeMap<NodeName, Vec<JournalEntry>>,
 }
@@ -148,6 +151,7 @@ impl<'a> Stage<'a> {
             under_way: BTreeMap::new(),
             sent: 0,
             steps: 0,
+            tried: Tried::new(),
             heard: Vec::new(),
             journals: BTreeMap::new(),
         };
@@ -275,6 +279,7 @@ impl<'a> Stage<'a> {
 
     fn deliver(&mut self, node: NodeName, input: Input<'_>) {
         self.steps += 1;
+        count(&mut self.tried, node.as_str());
         let now = self.time_of(input);
         let mut entries = vec![entry(now, Happening::from(input))];
         let said = match node {

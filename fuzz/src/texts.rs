@@ -6,7 +6,7 @@ use tandem_settings::Document;
 use tandem_trials::Configuration;
 
 use crate::chance::Chance;
-use crate::{Target, mutate, seeds};
+use crate::{Target, Tried, count, mutate, seeds};
 
 /// The hash at the end of a model file.
 const HASH: usize = 32;
@@ -29,7 +29,8 @@ impl Target for Models {
         "models"
     }
 
-    fn run(&mut self, seed: u64) -> u64 {
+    fn run(&mut self, seed: u64, tried: &mut Tried) {
+        count(tried, self.name());
         let mut chance = Chance::new(seed);
         let mut file = self.file.clone();
         // Most of the file is weights; what is worth damaging stands at its ends.
@@ -57,7 +58,6 @@ impl Target for Models {
                 let _ = model.forecast(&context[..numbers], chance.below(90));
             }
         }
-        1
     }
 }
 
@@ -85,7 +85,8 @@ impl Target for Settings {
         "settings"
     }
 
-    fn run(&mut self, seed: u64) -> u64 {
+    fn run(&mut self, seed: u64, tried: &mut Tried) {
+        count(tried, self.name());
         let mut chance = Chance::new(seed);
         let mut file = self.file.clone();
         mutate::damage(&mut file, 4, &mut chance);
@@ -97,6 +98,5 @@ impl Target for Settings {
             let again = again.expect("what was shown can be read");
             assert_eq!(again.to_toml(), shown);
         }
-        1
     }
 }

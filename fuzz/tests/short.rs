@@ -1,6 +1,8 @@
 //! A few thousand cases of every target, the same each time. The program goes on as long as it is told.
 
-use tandem_fuzz::{every_cut, targets};
+use std::path::Path;
+
+use tandem_fuzz::{Tried, corpus, every_cut, targets};
 
 /// Tries `cases` seeds of one target.
 fn try_out(name: &str, cases: u64) {
@@ -9,8 +11,11 @@ fn try_out(name: &str, cases: u64) {
         .iter_mut()
         .find(|target| target.name() == name)
         .expect("a target");
-    let inputs: u64 = (0..cases).map(|seed| target.run(seed)).sum();
-    assert!(inputs >= cases);
+    let mut tried = Tried::new();
+    for seed in 0..cases {
+        target.run(seed, &mut tried);
+    }
+    assert!(tried.values().sum::<u64>() >= cases);
 }
 
 #[test]
@@ -46,4 +51,19 @@ fn damaged_models_are_refused_or_forecast() {
 #[test]
 fn damaged_settings_are_refused_or_shown_again_the_same() {
     try_out("settings", 300);
+}
+
+#[test]
+fn every_message_of_the_corpus_ends_as_it_did_when_it_was_found() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
+    let files = std::fs::read_dir(&folder).expect("the corpus");
+    let mut tried = 0;
+    for file in files.map(|file| file.expect("a file").path()) {
+        let name = file.file_name().expect("a name").to_string_lossy().into_owned();
+        let bytes = std::fs::read(&file).expect("readable");
+        let anew = "if the layout has changed: cargo run --release -p tandem-fuzz -- --keep fuzz/corpus";
+        assert_eq!(corpus::again(&name, &bytes), name, "{anew}");
+        tried += 1;
+    }
+    assert!(tried > 60, "only {tried} messages in {}", folder.display());
 }

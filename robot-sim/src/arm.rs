@@ -9,7 +9,8 @@
 //! of its range is slowed and the others take over its share; joint speeds and accelerations scale the whole plan, so
 //! that the tool slows down but keeps its direction; and every single tick is clamped once more, so that position,
 //! speed and acceleration hold whatever was planned. Two things are softer. The tool may overshoot a wall of the
-//! workspace by a few millimetres, in turns so hard that the joints cannot brake as quickly as the reference. And
+//! workspace by millimetres, in turns so hard that the joints cannot brake as quickly as the reference: driven at random,
+//! 30 000 times, by more than 8 mm and less than 10. And
 //! jerk is exceeded where the last clamp must act: in three ticks of a million when driven at random against the ends
 //! of every range, never on a path that ships.
 

@@ -108,7 +108,7 @@ proptest! {
             for _ in 0..ticks {
                 arm.tick(drive, &bounds);
                 let tool = forward(arm.angles()).tool().origin;
-                let lag = 0.005;
+                let lag = 0.010;
                 let inside = |axis: usize, low: f64, high: f64| tool[axis] > low - lag && tool[axis] < high + lag;
                 prop_assert!(inside(0, 0.35, 0.6) && inside(1, -0.35, 0.1) && inside(2, 0.1, 0.4), "{}", tool);
                 let nearly = Vec3::new(1e-12, 1e-12, 1e-12);
