@@ -3,6 +3,8 @@
 mod show;
 mod tally;
 
+pub(crate) use tally::{Robot, skew_words, worst_skew};
+
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::io::IsTerminal as _;
@@ -15,11 +17,10 @@ use crossterm::cursor::MoveTo;
 use crossterm::terminal::{Clear, ClearType};
 use serde_json::json;
 use tandem_link::{Clock, Link, LinkSettings, Network, Noticed, Reach};
-use tandem_wire::{Nanos, Stamp, Topic};
+use tandem_wire::{Nanos, NodeName, Stamp, Topic};
 
 use crate::nodes::{self, NodeFlags};
 use crate::{Outcome, interrupt};
-use tally::Robot;
 
 /// How long one look watches before it tells.
 const LOOK: Duration = Duration::from_secs(2);
@@ -28,12 +29,17 @@ const REDRAW: Duration = Duration::from_secs(1);
 /// How long dialling may take for one look.
 const DIAL: Duration = Duration::from_secs(5);
 /// What is watched, besides who is there.
-const TOPICS: [Topic; 5] = [
+const TOPICS: [Topic; 10] = [
     Topic::Command,
     Topic::Proposal,
     Topic::Setpoint,
     Topic::State,
     Topic::Storage,
+    Topic::Clock(NodeName::Operator),
+    Topic::Clock(NodeName::Predictor),
+    Topic::Clock(NodeName::Arbiter),
+    Topic::Clock(NodeName::RobotSim),
+    Topic::Clock(NodeName::Recorder),
 ];
 
 #[derive(Args)]

@@ -9,11 +9,14 @@ use tandem_wire::{Envelope, NodeInfo, NodeName, RobotName, Topic};
 
 use super::check::Check;
 use crate::BUILD;
+use crate::status::{Robot, skew_words, worst_skew};
 
 /// How long whoever listens may take to let us in.
 const DIAL: Duration = Duration::from_secs(5);
 /// How long nodes have to show themselves.
 const PRESENCE: Duration = Duration::from_millis(1500);
+/// Nodes tell of clocks once a second.
+const CLOCKS: Duration = Duration::from_millis(2500);
 /// How long a node may take to say who it is.
 const ANSWER: Duration = Duration::from_secs(3);
 
@@ -78,7 +81,7 @@ pub(super) fn nodes(settings: &LinkSettings, reach: &Reach, named: Option<&str>)
         )],
         Ok(found) => found
             .iter()
-            .flat_map(|(robot, nodes)| robot_checks(&link, robot, nodes))
+            .flat_map(|(robot, nodes)| robot_checks(&link, robot, nodes, reach))
             .collect(),
     };
     link.close();
@@ -114,7 +117,7 @@ fn present(link: &Link, named: Option<&str>, reach: &Reach) -> Result<Vec<(Robot
     Ok(found.into_values().collect())
 }
 
-fn robot_checks(link: &Link, robot: &RobotName, nodes: &[NodeName]) -> Vec<Check> {
+fn robot_checks(link: &Link, robot: &RobotName, nodes: &[NodeName], reach: &Reach) -> Vec<Check> {
     let mut checks = Vec::new();
     let missing: Vec<&str> = NodeName::ALL
         .iter()
@@ -140,7 +143,50 @@ fn robot_checks(link: &Link, robot: &RobotName, nodes: &[NodeName]) -> Vec<Check
             Some(Envelope { body, .. }) => version(robot, *node, &body),
         });
     }
+    checks.push(clocks(link, robot, reach));
     checks
+}
+
+/// How far apart the wall clocks of a robot's nodes are, by their own word.
+fn clocks(link: &Link, robot: &RobotName, reach: &Reach) -> Check {
+    let role = reach.secured.as_ref().map(|secured| secured.identity.member.role);
+    if role.is_some_and(|role| !tandem_site::policy::hears_all(role)) {
+        return Check::skipped(
+            "clocks",
+            "only a recorder's or viewer's certificate hears what nodes know of clocks",
+        );
+    }
+    let topics = NodeName::ALL.map(Topic::Clock);
+    let Ok(network) = Network::watch(link, &[robot.to_string()], &topics) else {
+        return Check::skipped("clocks", format!("{robot}: nothing is heard of clocks"));
+    };
+    let (mut told, until) = (Robot::default(), Instant::now() + CLOCKS);
+    while let Some(left) = until.checked_duration_since(Instant::now()) {
+        if let Some(noticed) = network
+            .next(left)
+            .filter(|noticed| matches!(noticed.topic, Topic::Clock(_)))
+        {
+            told.hear(noticed.at, noticed.topic, &noticed.bytes);
+        }
+    }
+    match worst_skew(&told.clocks) {
+        None => Check::skipped(
+            "clocks",
+            format!("{robot}: no node says anything of the others' clocks"),
+        ),
+        Some((reporter, peer)) if peer.is_skewed => Check::worth(
+            "clocks",
+            format!(
+                "{robot}: wall clocks are too far apart, {}",
+                skew_words(reporter, &peer)
+            ),
+            "run chrony or systemd-timesyncd on both machines; files go by wall clocks, motion does not",
+        ),
+        Some((reporter, peer)) => Check::good(
+            "clocks",
+            format!("{robot}: wall clocks agree, at worst {}", skew_words(reporter, &peer)),
+        ),
+    }
 }
 
 /// Whether a node understands what this program says.

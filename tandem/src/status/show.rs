@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use tandem_wire::{Motion, Nanos, NodeName, Refusals, State, Topic};
 
-use super::tally::{Robot, STREAMS};
+use super::tally::{Robot, STREAMS, skew_words, worst_skew};
 
 /// One robot, in a few lines; rates of what may be heard.
 pub(super) fn text(name: &str, robot: &Robot, heard: &[Topic], watched: Nanos) -> String {
@@ -37,6 +37,10 @@ pub(super) fn text(name: &str, robot: &Robot, heard: &[Topic], watched: Nanos) -
             None => "only a recorder or viewer hears commands".into(),
         },
     ));
+    if let Some((reporter, peer)) = worst_skew(&robot.clocks) {
+        let apart = if peer.is_skewed { "TOO FAR APART: " } else { "" };
+        rows.push(("clocks", format!("{apart}at worst {}", skew_words(reporter, &peer))));
+    }
     let (arbiter, own) = robot.refused();
     if arbiter.count + own.count + robot.unreadable > 0 {
         rows.push((
@@ -145,6 +149,10 @@ pub(super) fn json(name: &str, robot: &Robot, heard: &[Topic], watched: Nanos) -
         })),
         "streams": Value::Object(rates.collect()),
         "loop_ms": robot.turn().map(|turn| json!({ "p50": turn.p50_ms, "p99": turn.p99_ms, "worst": turn.worst_ms })),
+        "clocks": robot.clocks.iter().flat_map(|(node, report)| report.peers.iter().map(|peer| json!({
+            "from": node.as_str(), "to": peer.node.as_str(), "skew_ns": peer.skew, "uncertainty_ns": peer.uncertainty,
+            "round_trip_ns": peer.round_trip_median, "is_skewed": peer.is_skewed,
+        }))).collect::<Vec<_>>(),
         "dropped": { "arbiter": dropped(arbiter), "robot": dropped(own), "unreadable_here": robot.unreadable },
         "recording": robot.storage.map(|storage| json!({
             "says": storage.to_string(), "dropped": storage.dropped,
