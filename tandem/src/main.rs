@@ -4,6 +4,7 @@
 #[macro_use]
 mod speaking;
 
+mod bench;
 mod configuration;
 mod demo;
 mod estop;
@@ -84,6 +85,11 @@ enum Subcommands {
     Train(train::TrainFlags),
     /// Prints a model's forecast for a context.
     Forecast(forecast::ForecastFlags),
+    /// Measures latency and load on this machine, over loopback.
+    Bench {
+        #[command(subcommand)]
+        command: bench::BenchCommands,
+    },
     /// Works with the configuration.
     Config {
         #[command(subcommand)]
@@ -134,6 +140,7 @@ fn run() -> ExitCode {
         Subcommands::WhatIf(flags) => what_if::run(&flags),
         Subcommands::Session { command } => session::run(&command),
         Subcommands::Trial { command } => trial::run(&command),
+        Subcommands::Bench { command } => bench::run(&command),
         Subcommands::Train(flags) => train::run(&flags),
         Subcommands::Forecast(flags) => forecast::run(&flags),
         Subcommands::Config {
