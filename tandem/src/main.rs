@@ -116,12 +116,27 @@ pub(crate) enum Outcome {
 }
 
 fn main() -> ExitCode {
+    set_zenoh_threads();
     let code = run();
     if speaking::kept() {
         code
     } else {
         eprintln!("tandem: the output could not be written whole");
         ExitCode::from(1)
+    }
+}
+
+/// Zenoh reads how many threads it shall have from the environment, when the first session opens, and nowhere else. What the
+/// user has set stays.
+#[expect(
+    unsafe_code,
+    reason = "the environment is Zenoh's only door for this, and no thread runs yet that could read it"
+)]
+fn set_zenoh_threads() {
+    let (name, value) = tandem_link::net::ZENOH_THREADS;
+    if std::env::var_os(name).is_none() {
+        // SAFETY: the first thing that `main` does; the process has one thread.
+        unsafe { std::env::set_var(name, value) };
     }
 }
 

@@ -135,8 +135,10 @@ fn nodes(flags: &PartFlags) -> anyhow::Result<Told> {
     let mut links = Vec::new();
     let mut running: Vec<Running> = Vec::new();
     for index in 0..flags.robots {
-        let mut configuration = Configuration::default();
-        configuration.link = link_settings(flags, index, flags.part == Part::Edge);
+        let mut configuration = Configuration {
+            link: link_settings(flags, index, flags.part == Part::Edge),
+            ..Configuration::default()
+        };
         configuration.rates.stream_hz = flags.hz;
         configuration.operator.source = SourceKind::Simulated;
         let parts = Parts::new(configuration, None)?;
