@@ -107,7 +107,7 @@ impl Arbiter {
 
     fn on_command(&mut self, now: Stamp, command: &Envelope<Command>, outbox: &mut Outbox<Output>) {
         let tick = command.header.tick;
-        let silent = self.hearing.command_silence(now);
+        let silent = self.in_lockstep(|| self.hearing.command_silence(now));
         match self.hearing.admit_command(now, command) {
             Err(why) => return self.on_refused_command(now, &command.header, why, outbox),
             Ok(Tenure::Watching) => return,
@@ -185,7 +185,7 @@ impl Arbiter {
 
     fn on_state(&mut self, now: Stamp, state: &Envelope<State>, outbox: &mut Outbox<Output>) {
         let tick = state.header.tick;
-        let silent = self.hearing.state_loss(now);
+        let silent = self.in_lockstep(|| self.hearing.state_loss(now));
         match self.hearing.admit_state(now, state) {
             Err(why) => return self.hearing.refuse(why),
             Ok(Change::Anew) => {

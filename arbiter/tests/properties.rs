@@ -37,6 +37,8 @@ enum Doing {
     Command(Option<u64>, bool, Hand, Vec3),
     Proposal(Option<u64>, Option<(f64, f64, Vec3)>),
     State(Option<u64>, Vec3, u32),
+    /// One of the three streams, so many ticks from the newest.
+    Missed(usize, u32),
     Unreadable,
     Wake,
     Presence,
@@ -52,6 +54,7 @@ fn doing() -> impl Strategy<Value = Doing> {
         20 => (number(), guidance).prop_map(|(number, guidance)| Doing::Proposal(number, guidance)),
         30 => (number(), velocity(), prop_oneof![9 => Just(1), 1 => 0..3_u32])
             .prop_map(|(number, tool, trial)| Doing::State(number, tool, trial)),
+        8 => (0..3_usize, prop_oneof![9 => 0..2_u32, 1 => any::<u32>()]).prop_map(|(which, off)| Doing::Missed(which, off)),
         2 => Just(Doing::Unreadable),
         10 => Just(Doing::Wake),
         1 => Just(Doing::Presence),
@@ -146,6 +149,10 @@ impl Senders {
                 sent.body.trial = *trial;
                 Event::State(sent)
             }
+            Doing::Missed(which, off) => Event::Missed {
+                topic: [Topic::Command, Topic::Proposal, Topic::State][*which],
+                tick: tick(self.states).saturating_add(*off),
+            },
             Doing::Unreadable => Event::Unreadable(Unreadable {
                 topic: Topic::Command,
                 why: Malformed::NotFinite,

@@ -24,11 +24,15 @@ def arguments(parser):
     """The flags of every node."""
     parser.add_argument("--robot", default="panda", help="the robot's name, as it stands in the keys [panda]")
     parser.add_argument("--connect", action="append", default=[], metavar="ENDPOINT", help="whom to connect to")
+    parser.add_argument("--config", metavar="FILE", help="Zenoh's configuration, as `tandem keys config` prints it")
     parser.add_argument("--listen", action="append", default=[], metavar="ENDPOINT", help="where to listen, and route")
 
 
 def open_session(options):
     """Opens the session that the flags ask for."""
+    if options.config:
+        with open(options.config, encoding="utf-8") as file:
+            return zenoh.open(zenoh.Config.from_json5(file.read()))
     config = zenoh.Config()
     connect = options.connect or ([] if options.listen else ["tcp/127.0.0.1:7447"])
     for name, value in (

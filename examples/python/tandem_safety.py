@@ -42,7 +42,7 @@ class Guard:
                 raise Refused("Duplicate")
             elif head["seq"] < self.newest["seq"]:
                 raise Refused("OutOfOrder")
-            elif head["seq"] - self.newest["seq"] > LEAP + self.silent(now) // MILLISECOND:
+            elif head["seq"] - self.newest["seq"] > LEAP + 2 * self.silent(now) // MILLISECOND:
                 raise Refused("TooFarAhead")
         self.newest, self.arrived = {"session": head["session"], "seq": head["seq"]}, now
 

@@ -169,15 +169,21 @@ fn spell(endpoint: &str, secured: bool) -> Result<String, LinkError> {
 }
 
 fn check_listen(endpoint: &str, allowed: bool) -> Result<(), LinkError> {
-    let host = host(endpoint)?;
-    let loopback = host == "localhost" || host.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback());
-    if loopback || allowed {
+    host(endpoint)?;
+    if is_loopback(endpoint) || allowed {
         Ok(())
     } else {
         Err(LinkError::Exposed {
             endpoint: endpoint.to_owned(),
         })
     }
+}
+
+/// Whether an endpoint is this machine's alone.
+#[must_use]
+pub fn is_loopback(endpoint: &str) -> bool {
+    place(endpoint)
+        .is_some_and(|(host, _)| host == "localhost" || host.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback()))
 }
 
 /// The host of an endpoint that is spelled right.

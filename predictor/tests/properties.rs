@@ -15,6 +15,8 @@ enum Doing {
     Trial(u32),
     /// A state with any number, of any run.
     Odd(u64, u64, u32),
+    /// The state of a tick so far from the newest does not come.
+    Missed(u32),
     Other(u8),
 }
 
@@ -26,6 +28,7 @@ fn doing() -> impl Strategy<Value = Doing> {
         1 => [0.0..0.6_f64, -0.2..0.2_f64].prop_map(Doing::Jumps),
         1 => (0..4_u32).prop_map(Doing::Trial),
         2 => (any::<u64>(), 0..3_u64, any::<u32>()).prop_map(|(seq, session, tick)| Doing::Odd(seq, session, tick)),
+        4 => prop_oneof![9 => 0..3_u32, 1 => any::<u32>()].prop_map(Doing::Missed),
         2 => (0..4_u8).prop_map(Doing::Other),
     ]
 }
@@ -53,6 +56,10 @@ impl World {
                 let mut odd = state(*seq, *tick, self.at, self.motion);
                 odd.header.session = Session(*session);
                 return Event::State(odd);
+            }
+            Doing::Missed(off) => {
+                let (topic, tick) = (Topic::State, self.tick.saturating_add(*off));
+                return Event::Missed { topic, tick };
             }
             Doing::Other(which) => {
                 let (topic, why) = (Topic::State, Malformed::Body);
@@ -92,25 +99,40 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn every_admitted_state_has_one_finite_answer(
-        anew in any::<bool>(), timeline in proptest::collection::vec(doing(), 1..150),
+    fn every_admitted_state_and_in_lockstep_every_missed_one_has_one_finite_answer(
+        anew in any::<bool>(), lockstep in any::<bool>(), timeline in proptest::collection::vec(doing(), 1..150),
     ) {
         let model = if anew { replanning_model() } else { model() };
-        let mut stage = Stage::with(Timing::default(), model);
+        let timing = if lockstep { Timing::default().lockstep() } else { Timing::default() };
+        let mut stage = Stage::with(timing, model);
         let mut world = World { seq: 0, tick: 0, at: [0.2, 0.1], motion: MOVING, trial: 1 };
-        let (mut proposals, mut phase) = (0, None);
+        let (mut proposals, mut phase, mut missed) = (0, None, None);
         for (index, doing) in timeline.iter().enumerate() {
             let event = world.event(doing);
             let (refused, said) = (stage.predictor.refused().count, stage.said.len());
             stage.event(20 * index as u64, event.clone());
             let admitted = matches!(event, Event::State(_)) && stage.predictor.refused().count == refused;
             let answers = &stage.said[said..];
-            prop_assert_eq!(matches!(answers.last(), Some(Output::Proposal(_))), admitted);
+            let asked = match &event {
+                Event::State(state) => admitted && missed.is_none_or(|missed| state.header.tick > missed),
+                Event::Missed { tick, .. } if lockstep => {
+                    missed = Some(*tick);
+                    true
+                }
+                _ => false,
+            };
+            prop_assert_eq!(matches!(answers.last(), Some(Output::Proposal(_))), asked);
+            if admitted && !asked {
+                // A late state may have moved the phase on, unseen from here.
+                phase = None;
+            }
             prop_assert!(answers.len() <= 2);
             answers.iter().try_for_each(check)?;
-            if let (Some(Output::Proposal(proposal)), Event::State(state)) = (answers.last(), &event) {
+            if let Some(Output::Proposal(proposal)) = answers.last() {
                 proposals += 1;
                 prop_assert_eq!(proposal.header.seq.0, proposals);
+            }
+            if let (Some(Output::Proposal(proposal)), Event::State(state)) = (answers.last(), &event) {
                 prop_assert_eq!(proposal.body.seen, Some(state.header.id()));
                 let now = proposal.body.guidance.map(|guidance| (guidance.forecast, guidance.phase.0));
                 if let (Some((before, then)), Some((forecast, phase))) = (phase, now) && before == forecast {

@@ -3,8 +3,8 @@
 use std::fmt;
 
 use tandem_wire::{
-    ClockReport, Command, Envelope, Forecast, Header, JournalBatch, NodeInfo, NodeName, Proposal, Scene, Setpoint,
-    Stamp, State, Topic, Trial, encode,
+    Claim, ClockReport, Command, Emergency, Envelope, Forecast, Header, JournalBatch, NodeInfo, NodeName, Proposal,
+    Scene, Setpoint, Stamp, State, Topic, Trial, encode,
 };
 
 use crate::tally::Counts;
@@ -50,6 +50,10 @@ pub enum Sample {
     Scene(Envelope<Scene>),
     /// A trial begins or ends.
     Trial(Envelope<Trial>),
+    /// An operator wants to drive, or no longer.
+    Claim(Envelope<Claim>),
+    /// Somebody stops the robot at once, or clears that.
+    Emergency(Envelope<Emergency>),
     /// Part of a node's journal, kept as the bytes that travelled.
     Journal(JournalPart),
     /// How to build a node again.
@@ -103,6 +107,8 @@ impl Sample {
             Self::State(_) => Topic::State,
             Self::Scene(_) => Topic::Scene,
             Self::Trial(_) => Topic::Trial,
+            Self::Claim(_) => Topic::Lease,
+            Self::Emergency(_) => Topic::Emergency,
             Self::Journal(part) => Topic::Journal(part.node),
             Self::Info(node, _) => Topic::Info(*node),
             Self::Clock(node, _) => Topic::Clock(*node),
@@ -120,6 +126,8 @@ impl Sample {
             Self::State(message) => &message.header,
             Self::Scene(message) => &message.header,
             Self::Trial(message) => &message.header,
+            Self::Claim(message) => &message.header,
+            Self::Emergency(message) => &message.header,
             Self::Journal(part) => &part.header,
             Self::Info(_, message) => &message.header,
             Self::Clock(_, message) => &message.header,
@@ -139,6 +147,8 @@ impl Sample {
             Self::State(message) => encode(message, &mut bytes),
             Self::Scene(message) => encode(message, &mut bytes),
             Self::Trial(message) => encode(message, &mut bytes),
+            Self::Claim(message) => encode(message, &mut bytes),
+            Self::Emergency(message) => encode(message, &mut bytes),
             Self::Clock(_, message) => encode(message, &mut bytes),
             Self::Journal(_) | Self::Info(..) => return None,
         }

@@ -1,17 +1,21 @@
 //! The step machine: every message is passed on, and what a person wants to know of it is noted once.
 
-use std::mem::discriminant;
+mod notes;
+mod rights;
+
 use std::sync::Arc;
 
 use tandem_wire::{
-    Condition, Envelope, Malformed, Memory, Motion, Node, NodeName, Numbering, Outbox, Pace, Question, Reason,
-    Remember, SECOND, Seq, Session, Setpoint, Stamp, State, Storage, Timing, Topic, Trial, Unreadable, seconds,
+    Condition, Envelope, Malformed, Memory, Motion, Node, NodeName, Numbering, Outbox, Pace, Question, Remember,
+    SECOND, Seq, Session, Setpoint, Stamp, State, Storage, Timing, Topic, Trial, Unreadable,
 };
 
 use crate::filling::Filling;
 use crate::heard::{Entry, Heard, JournalPart, Level, Note, Sample};
 use crate::tally::{Place, Tally};
 use crate::watch::ClockWatch;
+use notes::{forecast_note, info, motion_note, same_motion, warning};
+use rights::Rights;
 
 /// How often the counts are passed on while messages arrive.
 const COUNTS_EVERY: u64 = SECOND;
@@ -73,6 +77,7 @@ pub struct Recorder {
     arbiter: Option<Motion>,
     robot: Option<Motion>,
     in_contact: bool,
+    rights: Rights,
     sayings: Numbering,
     storage: Storage,
     clocks: ClockWatch,
@@ -110,6 +115,7 @@ impl Recorder {
             arbiter: None,
             robot: None,
             in_contact: false,
+            rights: Rights::default(),
             sayings: Numbering::new(Session(0)),
             storage: Storage::default(),
             clocks: ClockWatch::default(),
@@ -152,6 +158,8 @@ impl Recorder {
             (Sample::State(message), _) => self.on_state(message),
             (Sample::Trial(message), _) => self.on_trial(&message.body),
             (Sample::Forecast(message), _) => vec![forecast_note(&message.body)],
+            (Sample::Claim(message), _) => self.rights.hear_claim(message).into_iter().collect(),
+            (Sample::Emergency(message), _) => self.rights.hear_emergency(message).into_iter().collect(),
             (Sample::Clock(NodeName::Recorder, message), _) => self.clocks.hear(&message.body),
             _ => Vec::new(),
         };
@@ -196,7 +204,9 @@ impl Recorder {
     fn on_setpoint(&mut self, message: &Envelope<Setpoint>) -> Vec<Note> {
         let motion = message.body.motion;
         let before = self.arbiter.replace(motion);
-        motion_note(NodeName::Arbiter, before, motion).into_iter().collect()
+        let mut notes: Vec<Note> = self.rights.hear_lease(message.body.lease).into_iter().collect();
+        notes.extend(motion_note(NodeName::Arbiter, before, motion));
+        notes
     }
 
     fn on_state(&mut self, message: &Envelope<State>) -> Vec<Note> {
@@ -377,82 +387,5 @@ impl Node for Recorder {
 
     fn trial(&self) -> u32 {
         0
-    }
-}
-
-fn motion_note(about: NodeName, before: Option<Motion>, motion: Motion) -> Option<Note> {
-    if before.is_some_and(|before| same_motion(before, motion)) {
-        return None;
-    }
-    Some(match motion {
-        Motion::Held(reason) => Note {
-            level: level_of(reason),
-            about,
-            text: format!("stop: {reason}"),
-        },
-        Motion::Permitted { press } => info(about, format!("motion is permitted by press {press}")),
-    })
-}
-
-/// Waiting for the human is the course of things; losing something is not.
-const fn level_of(reason: Reason) -> Level {
-    match reason {
-        Reason::NoCommandYet
-        | Reason::NoSetpointYet
-        | Reason::DeadmanReleased
-        | Reason::AwaitingPress
-        | Reason::TrialOver
-        | Reason::NoTrial => Level::Info,
-        Reason::CommandLost { .. }
-        | Reason::SetpointLost { .. }
-        | Reason::StateLost { .. }
-        | Reason::LoopTooOld
-        | Reason::ShuttingDown
-        | Reason::SecondOperator
-        | Reason::SetpointsMissed { .. }
-        | Reason::NoLease => Level::Warning,
-        Reason::EmergencyStop { .. } => Level::Error,
-    }
-}
-
-/// Whether two motions are the same but for how long a silence has lasted.
-fn same_motion(one: Motion, other: Motion) -> bool {
-    match (one, other) {
-        (Motion::Held(one), Motion::Held(other)) => discriminant(&one) == discriminant(&other),
-        _ => one == other,
-    }
-}
-
-fn forecast_note(forecast: &tandem_wire::Forecast) -> Note {
-    let widest = |axis: fn(&tandem_wire::Vec3) -> f64| {
-        forecast
-            .points
-            .iter()
-            .map(|point| axis(&point.half_width))
-            .fold(0.0, f64::max)
-    };
-    let millimetres = widest(|w| w.x).max(widest(|w| w.y)).max(widest(|w| w.z)) * 1e3;
-    let ratio = forecast.points.iter().map(|point| point.ratio.0).fold(0.0, f64::max);
-    let ahead = seconds(forecast.period) * forecast.points.len() as f64;
-    let text = format!(
-        "forecast {}: {ahead:.1} s ahead, at worst ±{millimetres:.1} mm and {ratio:.2} times as unsure as in training",
-        forecast.number,
-    );
-    info(NodeName::Predictor, text)
-}
-
-fn info(about: NodeName, text: String) -> Note {
-    Note {
-        level: Level::Info,
-        about,
-        text,
-    }
-}
-
-fn warning(about: NodeName, text: String) -> Note {
-    Note {
-        level: Level::Warning,
-        about,
-        text,
     }
 }

@@ -7,6 +7,7 @@
 //! | channel | schema | from |
 //! | --- | --- | --- |
 //! | `…/command`, `proposal`, `forecast`, `setpoint`, `state`, `scene`, `trial` | ours | the message of that name |
+//! | `…/lease`, `estop` | ours | who wants to drive; who stopped the robot or cleared that |
 //! | `…/counts` | ours | what was missed, unreadable or dropped, every second |
 //! | `…/clock/<node>` | ours | what that node knows of its peers' clocks, every second |
 //! | `…/frames` | `foxglove.FrameTransforms` | state: links, flange and tool in the base |
@@ -267,6 +268,8 @@ impl<W: Write + Seek> SessionFile<W> {
             Sample::Proposal(message) => self.put("proposal", times, &schemas::Proposal::from(message)),
             Sample::Setpoint(message) => self.put("setpoint", times, &schemas::Setpoint::from(message.as_ref())),
             Sample::Trial(message) => self.put("trial", times, &schemas::Trial::from(message)),
+            Sample::Claim(message) => self.put("lease", times, &schemas::Claim::from(message)),
+            Sample::Emergency(message) => self.put("estop", times, &schemas::Emergency::from(message)),
             Sample::Forecast(message) => {
                 self.put("forecast", times, &schemas::Forecast::from(message))?;
                 self.put("forecast_points", times, &cloud::of_forecast(&message.body, time))?;

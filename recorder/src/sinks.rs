@@ -40,6 +40,7 @@ pub use drops::{Drops, Lost};
 use feed::{Feed, Shared};
 use file::FileSink;
 pub use file::part_path;
+pub use program::find_viewer;
 use rerun_stream::{Show, StreamSink};
 pub use what_if::{Heading, save_what_if};
 

@@ -9,7 +9,7 @@
 //! | `world/…` | the scene in the base frame, in metres |
 //! | `plan/…` | the same from above: to the right is the base's y, downwards its x |
 //! | `plots/…` | numbers over time |
-//! | `lanes/…` | who drives, why motion is held, which trial |
+//! | `lanes/…` | who drives, why motion is held, who holds the lease, which trial |
 //! | `budget` | where the time goes: every hop of the loop, and the clocks |
 //! | `now` | the situation in a line of words |
 //! | `log` | the notes |
@@ -31,7 +31,7 @@ mod wishes;
 
 use rerun::external::re_sdk_types::SerializedComponentBatch;
 use rerun::{AsComponents, TimeCell, TimePoint};
-use tandem_wire::{MessageId, Nanos, Scene, Setpoint, Stamp, State, Timing, Trial, Vec3};
+use tandem_wire::{Lease, MessageId, Nanos, Scene, Setpoint, Stamp, State, Timing, Trial, Vec3};
 
 use crate::heard::{Entry, Heard, Sample};
 use crate::sinks::Drops;
@@ -94,6 +94,7 @@ pub struct View {
 struct Lanes {
     driver: Option<plots::Driver>,
     held: Option<String>,
+    lease: Option<String>,
     trial: Option<String>,
 }
 
@@ -198,6 +199,8 @@ impl View {
             }
             Sample::Scene(message) => self.draw_scene(&message.body, sheet),
             Sample::Trial(message) => self.draw_trial(at, &message.body, sheet),
+            // A lease shows in setpoints, an emergency stop in the reasons for which motion is held; both in the log.
+            Sample::Claim(_) | Sample::Emergency(_) => {}
             Sample::Proposal(_) | Sample::Journal(_) | Sample::Info(..) | Sample::Clock(..) => {}
         }
     }
@@ -253,6 +256,8 @@ impl View {
         }
         let held = setpoint.motion.reason().map(|reason| reason.to_string());
         draw_lane("lanes/held", held, &mut self.lanes.held, sheet);
+        let lease = setpoint.lease.map(|lease| lease_words(&lease));
+        draw_lane("lanes/lease", lease, &mut self.lanes.lease, sheet);
     }
 
     fn draw_trial(&mut self, at: Stamp, trial: &Trial, sheet: &mut Sheet<'_>) {
@@ -275,6 +280,14 @@ const SHEET: [&str; 6] = [
     "world/wished",
     "plan/wished",
 ];
+
+/// Who holds the lease; the grant tells two of one name apart.
+fn lease_words(lease: &Lease) -> String {
+    match lease.name.is_empty() {
+        true => format!("lease {}", lease.number),
+        false => format!("{}, lease {}", lease.name, lease.number),
+    }
+}
 
 fn draw_lane(path: &str, now: Option<String>, before: &mut Option<String>, sheet: &mut Sheet<'_>) {
     if *before != now {

@@ -133,6 +133,8 @@ enum Happening {
     Begin(u32),
     End(u32),
     Garbage(Vec<u8>),
+    /// The setpoint of a tick so far from the newest does not come.
+    Missed(u32),
     Wake,
     Stop,
 }
@@ -170,6 +172,7 @@ fn happening() -> impl Strategy<Value = (u64, Happening)> {
         2 => (0_u32..5).prop_map(Happening::Begin),
         2 => (0_u32..5).prop_map(Happening::End),
         2 => prop::collection::vec(any::<u8>(), 0..600).prop_map(Happening::Garbage),
+        4 => prop_oneof![9 => Just(0), 1 => any::<u32>()].prop_map(Happening::Missed),
         6 => Just(Happening::Wake),
         1 => Just(Happening::Stop),
     ];
@@ -213,6 +216,15 @@ fn play(timing: Timing, happenings: &[(u64, Happening)]) -> Result<Vec<u8>, Test
                 for topic in [Topic::Setpoint, Topic::Trial, Topic::State] {
                     stage.step(RobotSim::event(Input::Sample { topic, bytes }));
                 }
+            }
+            Happening::Missed(off) => {
+                let tick = stage
+                    .states
+                    .last()
+                    .map_or(0, |state| state.header.tick)
+                    .saturating_add(*off);
+                let topic = Topic::Setpoint;
+                stage.step(Event::Missed { topic, tick });
             }
             Happening::Wake => stage.step(Event::Wake),
             Happening::Stop => stage.step(Event::Stop),

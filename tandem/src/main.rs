@@ -7,6 +7,7 @@ mod speaking;
 mod bench;
 mod configuration;
 mod demo;
+mod doctor;
 mod estop;
 mod forecast;
 mod interrupt;
@@ -17,6 +18,7 @@ mod replay;
 mod router;
 mod session;
 mod shipped;
+mod status;
 mod summary;
 mod sweep;
 mod table;
@@ -33,8 +35,15 @@ use tandem_link::LinkError;
 
 use crate::configuration::CommonFlags;
 
-/// The program's version and the revision it was built from.
-pub(crate) const BUILD: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("TANDEM_REVISION"), ")");
+/// The program's version, the revision it was built from, and the hash of the bytes that messages are pinned to.
+pub(crate) const BUILD: &str = concat!(
+    env!("CARGO_PKG_VERSION"),
+    " (",
+    env!("TANDEM_REVISION"),
+    ", wire ",
+    env!("TANDEM_WIRE"),
+    ")"
+);
 
 /// Shared control of a robot arm: a human and a forecast, blended by confidence.
 #[derive(Parser)]
@@ -60,6 +69,10 @@ enum Subcommands {
     RobotSim(nodes::RobotSimFlags),
     /// Runs the recorder's node: session file and live view.
     Recorder(nodes::RecorderFlags),
+    /// Shows every robot of the network: who is there, who drives, rates, latency, drops, why one stands.
+    Status(status::StatusFlags),
+    /// Looks into everything that keeps a session from working, and says what to do.
+    Doctor(doctor::DoctorFlags),
     /// Carries messages between all who dial it, where no node shall listen.
     Router(router::RouterFlags),
     /// Makes and manages certificates: who belongs to a site, and may do what.
@@ -149,6 +162,8 @@ fn run() -> ExitCode {
         Subcommands::Arbiter(flags) => nodes::arbiter(&flags),
         Subcommands::RobotSim(flags) => nodes::robot_sim(&flags),
         Subcommands::Recorder(flags) => nodes::recorder(&flags),
+        Subcommands::Status(flags) => status::run(&flags),
+        Subcommands::Doctor(flags) => doctor::run(&flags),
         Subcommands::Router(flags) => router::run(&flags),
         Subcommands::Keys { command } => keys::run(&command),
         Subcommands::Replay(flags) => replay::run(&flags),

@@ -54,6 +54,11 @@ impl NodeFlags {
         self.robot.is_some() || !self.connect.is_empty() || !self.listen.is_empty()
     }
 
+    /// The robot, if one is named.
+    pub(crate) fn robot(&self) -> Option<&str> {
+        self.robot.as_deref()
+    }
+
     pub(crate) fn configuration(&self, more: &[(&str, String)]) -> Result<Configuration, BadConfiguration> {
         let list = |endpoints: &[String]| format!("{endpoints:?}");
         let mut overrides = more.to_vec();

@@ -23,7 +23,7 @@ pub(crate) use family::{Part, load, open, parts};
 pub(crate) use verdict::note;
 
 /// What is played and exported.
-pub(crate) const PLAYED: [Topic; 7] = [
+pub(crate) const PLAYED: [Topic; 9] = [
     Topic::Command,
     Topic::Proposal,
     Topic::Forecast,
@@ -31,6 +31,8 @@ pub(crate) const PLAYED: [Topic; 7] = [
     Topic::State,
     Topic::Scene,
     Topic::Trial,
+    Topic::Lease,
+    Topic::Emergency,
 ];
 
 #[derive(Subcommand)]
@@ -83,7 +85,8 @@ pub(crate) struct ExportFlags {
     file: PathBuf,
     /// Further parts of the same session, instead of those beside the first.
     more: Vec<PathBuf>,
-    /// The folder for state.csv, setpoint.csv, command.csv, proposal.csv and ticks.csv; made if it is not there.
+    /// The folder for state.csv, setpoint.csv, command.csv, proposal.csv and ticks.csv, and lease.csv and estop.csv where
+    /// there was any; made if it is not there.
     #[arg(long, value_name = "DIR", required_unless_present = "parquet")]
     csv: Option<PathBuf>,
     /// The folder for the same tables as Parquet files.

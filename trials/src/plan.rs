@@ -20,6 +20,7 @@
 //!
 //! Pure: a text goes in, checked values or an [`Error`](BadPlan) with its place come out.
 
+mod lines;
 mod models;
 mod order;
 mod participant;

@@ -50,6 +50,8 @@ pub struct Setup {
     pub build: String,
     /// The conditions in the plan's order, each with what people call it.
     pub conditions: Vec<(String, String)>,
+    /// The trials whose streams had bad lines on purpose, and these lines in words.
+    pub bad_lines: Vec<(String, String)>,
     /// The condition to compare with the others; if it is none of them, `adaptive` or else the first.
     pub reference: String,
     /// Practice trials, which count in nothing.

@@ -25,8 +25,9 @@ use crate::verdict::Missing;
 
 /// An arm that still moves so long after it began to brake, or that moves faster than when it began, has driven on.
 const BRAKING_LIMIT: Nanos = SECOND;
-/// What rounding and a turn of the wrist may add to the tool's speed while it brakes, in metres per second.
-const FASTER: f64 = 0.005;
+/// For so long an arm that was speeding up may go on to when it begins to brake, in seconds: its joints turn from one
+/// acceleration to the other within their limits on jerk.
+const TURNING_S: f64 = 0.010;
 
 /// What becomes of one run of a robot.
 #[derive(Clone, Debug, PartialEq)]
@@ -123,6 +124,7 @@ fn follow(
     progress: &mut dyn FnMut(u64),
 ) -> Result<(), Missing> {
     let blueprint = blueprint(session, recorded, Vec::new())?;
+    watch.faster = blueprint.configuration().robot.tool_acceleration_m_s2 * TURNING_S;
     let build = || {
         let built = blueprint.robot_sim();
         built.map_err(|why| Missing::Buildable { why: why.to_string() })
@@ -223,6 +225,8 @@ struct Watch {
     /// The stop under way, and where the tool was when the arm began to brake.
     open: Option<Stop>,
     braked_at: Vec3,
+    /// How much faster the tool may still become, in metres per second.
+    faster: f64,
     /// The newest number of the arbiter's run that is listened to.
     newest: Option<(Session, u64)>,
 }
@@ -248,6 +252,7 @@ impl Watch {
             },
             open: None,
             braked_at: Vec3::ZERO,
+            faster: 0.0,
             newest: None,
         }
     }
@@ -348,7 +353,7 @@ impl Watch {
             return;
         }
         stop.way_m = (place - self.braked_at).norm();
-        stop.drove_on |= speed > stop.speed_m_s + FASTER || at.since(began) > BRAKING_LIMIT;
+        stop.drove_on |= speed > stop.speed_m_s + self.faster || at.since(began) > BRAKING_LIMIT;
         stop.at_rest = arm.is_at_rest().then_some(at);
     }
 

@@ -23,6 +23,9 @@ impl Arbiter {
 
     /// In lockstep: a sample does not come in time. Its tick is answered with what was heard before, by its age.
     pub(super) fn on_missed(&mut self, now: Stamp, topic: Topic, tick: u32, outbox: &mut Outbox<Output>) {
+        if self.timing.pace != Pace::Lockstep {
+            return;
+        }
         match topic {
             Topic::Command => self.barrier.command.miss(tick),
             Topic::Proposal => self.barrier.proposal.miss(tick),
@@ -50,6 +53,14 @@ impl Arbiter {
             None => self.stop_after(self.forbidden(now)),
         }
         self.publish_for(now, tick, outbox);
+    }
+
+    /// What is asked for in lockstep only: in real time losses were looked for before.
+    pub(super) fn in_lockstep(&self, loss: impl FnOnce() -> Option<Reason>) -> Option<Reason> {
+        match self.timing.pace {
+            Pace::Lockstep => loss(),
+            Pace::Real => None,
+        }
     }
 
     /// A stream that is heard again had been lost: whatever is pressed by now does not count.

@@ -318,5 +318,7 @@ const fn is_played(topic: Topic) -> bool {
             | Topic::State
             | Topic::Scene
             | Topic::Trial
+            | Topic::Lease
+            | Topic::Emergency
     )
 }

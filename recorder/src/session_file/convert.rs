@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use tandem_wire as wire;
 
 use super::schemas::{
-    Body, ChannelDrops, Clearance, ClockOffset, ClockReport, Command, Counts, Cylinder, Forecast, ForecastPoint, Gap,
-    Guidance, Header, Hop, JournalCount, Law, MessageId, Motion, Obeyed, PeerClock, Proposal, Refusals, Scene,
-    Setpoint, State, StreamCount, Trial, Used,
+    Body, ChannelDrops, Claim, Clearance, ClockOffset, ClockReport, Command, Counts, Cylinder, Emergency, Forecast,
+    ForecastPoint, Gap, Guidance, Header, Hop, JournalCount, Law, Lease, MessageId, Motion, Obeyed, PeerClock,
+    Proposal, Refusals, Scene, Setpoint, State, StreamCount, Trial, Used, Wish,
 };
 use super::standard::{frame_name, pose, vector};
 use crate::budget::HopBudget;
@@ -168,6 +168,45 @@ impl From<&wire::Envelope<wire::Setpoint>> for Setpoint {
             used_proposal: setpoint.proposal.map(Into::into),
             seen_state: setpoint.seen.map(Into::into),
             refused: (&setpoint.refused).into(),
+            lease: setpoint.lease.map(Into::into),
+        }
+    }
+}
+
+impl From<wire::Lease> for Lease {
+    fn from(lease: wire::Lease) -> Self {
+        Self {
+            number: lease.number,
+            holder_session: lease.holder.0,
+            name: lease.name.to_string(),
+        }
+    }
+}
+
+impl From<&wire::Envelope<wire::Claim>> for Claim {
+    fn from(message: &wire::Envelope<wire::Claim>) -> Self {
+        Self {
+            header: (&message.header).into(),
+            wish: match message.body.wish {
+                wire::Wish::Drive => Wish::Drive,
+                wire::Wish::Release => Wish::Release,
+                wire::Wish::TakeOver => Wish::TakeOver,
+            },
+            name: message.body.name.to_string(),
+        }
+    }
+}
+
+impl From<&wire::Envelope<wire::Emergency>> for Emergency {
+    fn from(message: &wire::Envelope<wire::Emergency>) -> Self {
+        let (clears, by) = match message.body {
+            wire::Emergency::Stop { by } => (None, by),
+            wire::Emergency::Clear { stop, by } => (Some(stop.into()), by),
+        };
+        Self {
+            header: (&message.header).into(),
+            clears,
+            by: by.to_string(),
         }
     }
 }

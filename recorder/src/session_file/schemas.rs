@@ -120,6 +120,36 @@ pub(super) struct Setpoint {
     pub(super) used_proposal: Option<Used>,
     pub(super) seen_state: Option<MessageId>,
     pub(super) refused: Refusals,
+    pub(super) lease: Option<Lease>,
+}
+
+#[derive(Encode)]
+pub(super) struct Lease {
+    pub(super) number: u32,
+    pub(super) holder_session: u64,
+    pub(super) name: String,
+}
+
+#[derive(Encode)]
+pub(super) struct Claim {
+    pub(super) header: Header,
+    pub(super) wish: Wish,
+    pub(super) name: String,
+}
+
+#[derive(Clone, Copy, Encode)]
+pub(super) enum Wish {
+    Drive,
+    Release,
+    TakeOver,
+}
+
+#[derive(Encode)]
+pub(super) struct Emergency {
+    pub(super) header: Header,
+    /// The stop that ends; of a stop, nothing.
+    pub(super) clears: Option<MessageId>,
+    pub(super) by: String,
 }
 
 #[derive(Encode)]

@@ -42,7 +42,7 @@ pub(super) fn find_or_start(flags: &[&str]) -> Result<Option<Child>, Notice> {
     if TcpStream::connect_timeout(&LOCAL, PROBE).is_ok() {
         return Ok(None);
     }
-    let program = find_on_path().ok_or(Notice::NoViewer)?;
+    let program = find_viewer().ok_or(Notice::NoViewer)?;
     let mut command = Command::new(program);
     command
         .arg("--port")
@@ -63,7 +63,9 @@ pub(super) fn find_or_start(flags: &[&str]) -> Result<Option<Child>, Notice> {
     Ok(Some(started))
 }
 
-fn find_on_path() -> Option<PathBuf> {
+/// The `rerun` program on PATH.
+#[must_use]
+pub fn find_viewer() -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;
     std::env::split_paths(&path)
         .map(|folder| folder.join(RERUN))

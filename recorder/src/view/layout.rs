@@ -33,6 +33,9 @@ pub(crate) const TRIAL_TIME: &str = "trial_time";
 const PLAN_ACROSS: [f64; 2] = [-0.34, 0.34];
 const PLAN_DOWN: [f64; 2] = [0.29, 0.63];
 
+/// An axis has numbers, never names: these are [`plots::Driver::level`](super::plots::Driver)'s.
+const DRIVERS: &str = "Who drives: 3 human, 2 shared, 1 robot, 0 held";
+
 /// What is laid out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Layout {
@@ -207,16 +210,13 @@ impl Sketch<'_> {
     fn lanes(&mut self, share: f32, purpose: Purpose) -> RecordingStreamResult<Part> {
         let lanes = ViewSpec {
             class: "StateTimeline",
-            name: "Lanes: driver, reason, trial (double-click to fit)",
+            name: "Lanes: driver, reason, lease, trial (double-click to fit)",
             origin: "lanes",
             share: 1.0,
             properties: &[],
         };
         let levels = Some([-0.6, 3.6]);
-        let mut tabs = [
-            self.plot("Who drives", "plots/driver", levels, 1.0)?,
-            self.view(&lanes)?,
-        ];
+        let mut tabs = [self.plot(DRIVERS, "plots/driver", levels, 1.0)?, self.view(&lanes)?];
         if purpose == Purpose::Replay {
             // What is over has its whole range when the view opens.
             tabs.reverse();
@@ -286,7 +286,10 @@ impl Sketch<'_> {
 
     /// A plot over the whole session, so that all of them share their time axis.
     fn plot(&mut self, name: &str, origin: &str, range: Option<[f64; 2]>, share: f32) -> RecordingStreamResult<Part> {
-        let legend = PlotLegend::new().with_corner(free_corner(origin));
+        // The lane of drivers is named in its title: a legend would lie on its bars.
+        let legend = PlotLegend::new()
+            .with_corner(free_corner(origin))
+            .with_visible(origin != "plots/driver");
         let time = whole_session();
         let mut values = ScalarAxis::new();
         if let Some(range) = range {
@@ -352,7 +355,6 @@ fn free_corner(origin: &str) -> Corner2D {
         "plots/interval" | "plots/ratio" | "plots/across" | "plots/latency" | "plots/hops" | "plots/lost" => {
             Corner2D::LeftTop
         }
-        "plots/driver" => Corner2D::LeftBottom,
         _ => Corner2D::RightTop,
     }
 }

@@ -1,7 +1,7 @@
 //! Tables of a session: true times, units in the names of the columns, as CSV or Parquet.
 //!
 //! `state`, `setpoint`, `command` and `proposal` have one row per message; `ticks` has one row per control period with
-//! the last message of each kind in it. `captured_s` is the sender's own stamp, on the sender's clock (in lockstep
+//! the last message of each kind in it. `lease` and `estop` have a row for each press, where there was one. `captured_s` is the sender's own stamp, on the sender's clock (in lockstep
 //! `tick · period`); `received_s` is the arrival on the recorder's clock. What does not exist in a row, such as guidance
 //! before the first forecast, is left empty, never zero.
 
@@ -24,6 +24,9 @@ use row::{Cell, Row};
 /// The messages that have tables, in the order of the columns of `ticks`.
 const TABLES: [Topic; 4] = [Topic::State, Topic::Setpoint, Topic::Command, Topic::Proposal];
 
+/// What people did; tables only where they did it.
+const PRESSES: [Topic; 2] = [Topic::Lease, Topic::Emergency];
+
 /// How tables are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Format {
@@ -35,7 +38,11 @@ pub(super) enum Format {
 pub(super) fn write(recording: &Recording, format: Format, folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
     let bar = ProgressBar::with_draw_target(Some(TABLES.len() as u64 + 1), ProgressDrawTarget::stderr());
-    for topic in TABLES {
+    let presses = PRESSES.into_iter().filter(|topic| {
+        let mut messages = recording.messages.iter();
+        messages.any(|message| message.topic == *topic)
+    });
+    for topic in TABLES.into_iter().chain(presses) {
         let of_topic = recording.messages.iter().filter(|message| message.topic == topic);
         // What was heard was decodable; a journal that says otherwise has nothing for a table.
         let rows = of_topic.filter_map(|message| columns::row(message, recording.epoch_unix_nanos));

@@ -9,7 +9,7 @@ use tandem_wire::Topic;
 
 use super::verdict::Known;
 use crate::table;
-use facts::{Facts, Stop};
+use facts::{Event, Facts, Stop};
 use latency::{HopRead, OffsetRead};
 
 pub(super) fn print(recording: &Recording, verdict: &Known, as_json: bool) -> anyhow::Result<()> {
@@ -75,6 +75,8 @@ fn json(recording: &Recording, facts: &Facts, verdict: &Known) -> Value {
         "closed": facts.is_closed,
         "dropped_before_file": facts.dropped,
         "stops": stops.collect::<Vec<_>>(),
+        "leases": events(&facts.leases),
+        "emergency_stops": events(&facts.emergencies),
         "trouble": facts.trouble,
         "damage": recording.damage.iter().map(ToString::to_string).collect::<Vec<_>>(),
     })
@@ -99,6 +101,13 @@ fn text(recording: &Recording, facts: &Facts, verdict: &Known) -> String {
             format!("{number} {label:?}, {begin_s:.1} s to {end}: {}", trial.outcome),
         ));
     }
+    rows.extend(facts.leases.iter().map(|event| ("lease", event_row(event))));
+    rows.extend(
+        facts
+            .emergencies
+            .iter()
+            .map(|event| ("emergency stop", event_row(event))),
+    );
     rows.extend(stop_rows(&facts.stops).into_iter().map(|row| ("stops", row)));
     rows.extend(gap_rows(recording).into_iter().map(|row| ("missing", row)));
     rows.extend(facts.hops.iter().map(|hop| ("latency", hop.row())));
@@ -106,6 +115,17 @@ fn text(recording: &Recording, facts: &Facts, verdict: &Known) -> String {
     rows.extend(facts.trouble.iter().map(|trouble| ("recorder", trouble.clone())));
     rows.extend(recording.damage.iter().map(|damage| ("damage", damage.to_string())));
     format!("{}\n\n{}", table::rows(&rows), channels(recording, facts))
+}
+
+fn events(events: &[Event]) -> Value {
+    events
+        .iter()
+        .map(|event| json!({"at_s": event.at_s, "what": event.what}))
+        .collect()
+}
+
+fn event_row(event: &Event) -> String {
+    format!("{:.1} s: {}", event.at_s, event.what)
 }
 
 fn verdict_words(verdict: &Known) -> String {

@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::json;
 use tandem_operator::LAST_STEP;
 use tandem_settings::Choice as _;
-use tandem_trials::plan::{Blocks, Condition, Context, Group, Participant, Plan, Slot};
+use tandem_trials::plan::{Blocks, Group, Participant, Plan, Slot};
 
 use super::prepare::Prepared;
 use crate::{Outcome, table};
@@ -36,7 +36,7 @@ pub(crate) fn run(flags: &CheckFlags) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Done);
     }
     println!("{}", overview(plan, &participants));
-    let lines = bad_lines(plan);
+    let lines = plan.bad_lines();
     if !lines.is_empty() {
         println!("\nbad lines");
     }
@@ -50,26 +50,6 @@ pub(crate) fn run(flags: &CheckFlags) -> anyhow::Result<Outcome> {
         }
     }
     Ok(Outcome::Done)
-}
-
-/// What befalls the streams in which trials, in words: those of a condition, or of one in a single context.
-fn bad_lines(plan: &Plan) -> Vec<(String, String)> {
-    let told = |condition: &Condition| -> Vec<(String, String)> {
-        let of = |context: &Context| {
-            let laid = plan.configuration(condition, context);
-            let line = laid.map_or_else(|why| why.to_string(), |laid| laid.impairment.to_string());
-            (format!("{} {}", condition.name, context.name), line)
-        };
-        let each: Vec<_> = plan.contexts.iter().map(of).collect();
-        match each.first() {
-            Some((_, line)) if each.iter().all(|(_, other)| other == line) => {
-                vec![(condition.name.clone(), line.clone())]
-            }
-            _ => each,
-        }
-    };
-    let lines = plan.conditions.iter().flat_map(told);
-    lines.filter(|(_, line)| !line.is_empty()).collect()
 }
 
 fn as_json(plan: &Plan, participants: &[Participant]) -> serde_json::Value {
@@ -94,7 +74,7 @@ fn as_json(plan: &Plan, participants: &[Participant]) -> serde_json::Value {
         "trials_each": plan.trials(),
         "expected_s_each": expected,
         "at_most_s_each": most,
-        "bad_lines": bad_lines(plan)
+        "bad_lines": plan.bad_lines()
             .iter()
             .map(|(trials, line)| json!({ "trials": trials, "line": line }))
             .collect::<Vec<_>>(),

@@ -2,6 +2,9 @@
 
 #![allow(dead_code, reason = "every test uses another part")]
 
+#[cfg(unix)]
+pub(crate) mod loops;
+
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -16,6 +19,15 @@ impl Process {
             .stdout(Stdio::null())
             .spawn();
         Self(child.expect("tandem starts"))
+    }
+
+    /// Runs it to its end.
+    pub(crate) fn output(arguments: &[&str]) -> std::process::Output {
+        let run = Command::new(env!("CARGO_BIN_EXE_tandem"))
+            .args(arguments)
+            .stdin(Stdio::null())
+            .output();
+        run.expect("tandem starts")
     }
 
     /// One that was started in another way.

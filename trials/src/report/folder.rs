@@ -47,6 +47,7 @@ impl Setup {
                     (condition.name.clone(), label.clone())
                 });
                 setup.conditions = conditions.collect();
+                setup.bad_lines = plan.bad_lines();
             }
             Err(error) => setup.unreadable.push(with_causes(&error)),
         }

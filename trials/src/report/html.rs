@@ -28,6 +28,7 @@ impl Report {
             "<p class=\"small\">Made from a run by tandem {}.</p>\n",
             escaped(&self.setup.build)
         );
+        page += &self.lines_part();
         if self.trials.is_empty() {
             page += "<p>There is no finished trial to report on.</p>\n";
         } else {
@@ -44,6 +45,17 @@ impl Report {
         page += "</body></html>\n";
         // A number stays beside its unit.
         page.replace(" % ", "\u{a0}% ").replace(" mm", "\u{a0}mm")
+    }
+
+    fn lines_part(&self) -> String {
+        let lines = self.setup.bad_lines.iter();
+        let items: String = lines
+            .map(|(trials, line)| format!("<li>{}: {}</li>\n", escaped(trials), escaped(line)))
+            .collect();
+        if items.is_empty() {
+            return items;
+        }
+        format!("<p>Bad lines on purpose:</p>\n<ul>\n{items}</ul>\n")
     }
 
     fn effort_part(&self) -> String {

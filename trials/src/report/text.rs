@@ -18,6 +18,11 @@ impl Report {
     #[must_use]
     pub fn text(&self) -> String {
         let mut parts = vec![self.overview()];
+        let lines = self.setup.bad_lines.iter();
+        let lines: Vec<String> = lines.map(|(trials, line)| format!("  {trials}: {line}")).collect();
+        if !lines.is_empty() {
+            parts.push(format!("Bad lines on purpose:\n{}", lines.join("\n")));
+        }
         parts.extend(self.groups.iter().map(|group| self.conditions_text(group)));
         let paired: Vec<String> = self
             .comparisons

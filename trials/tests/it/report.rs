@@ -72,6 +72,19 @@ fn everything(report: &Report) -> String {
 }
 
 #[test]
+fn bad_lines_are_told_above_the_figures_and_only_where_there_are_some() {
+    let mut report = report(paper_like());
+    assert!(!report.html().contains("Bad lines") && !report.text().contains("Bad lines"));
+    report.setup.bad_lines = vec![("far".into(), "command 100 ms late".into())];
+    assert!(
+        report
+            .text()
+            .contains("Bad lines on purpose:\n  far: command 100 ms late")
+    );
+    assert!(report.html().contains("<li>far: command 100 ms late</li>"));
+}
+
+#[test]
 fn groups_are_kept_apart_and_counted_in_trials_and_in_steps() {
     let report = report(paper_like());
     assert_eq!(report.groups, ["interpolated", "extrapolated", "all"]);

@@ -1,7 +1,9 @@
 //! What stands in the rows: the columns of each kind of message, with their units.
 
 use tandem_recorder::Recorded;
-use tandem_wire::{Command, Deadman, Law, Proposal, Setpoint, State, Topic, Used, decode, seconds};
+use tandem_wire::{
+    Claim, Command, Deadman, Emergency, Label, Law, Proposal, Setpoint, State, Topic, Used, Wish, decode, seconds,
+};
 
 use super::row::Row;
 
@@ -25,9 +27,36 @@ pub(super) fn row(message: &Recorded, epoch: u64) -> Option<Row> {
             row.seen(proposal.seen);
             row.guidance(proposal.guidance);
         }
+        Topic::Lease => {
+            let claim: Claim = decode(&message.bytes).ok()?.body;
+            let wish = match claim.wish {
+                Wish::Drive => "drive",
+                Wish::Release => "release",
+                Wish::TakeOver => "take over",
+            };
+            row.text("wish", Some(wish.to_owned()));
+            row.text("name", name(claim.name));
+        }
+        Topic::Emergency => emergency(&mut row, &decode(&message.bytes).ok()?.body),
         _ => return None,
     }
     Some(row)
+}
+
+/// Nothing for somebody who has not said it.
+fn name(label: Label) -> Option<String> {
+    (!label.is_empty()).then(|| label.to_string())
+}
+
+fn emergency(row: &mut Row, emergency: &Emergency) {
+    let (says, clears, by) = match emergency {
+        Emergency::Stop { by } => ("stop", None, *by),
+        Emergency::Clear { stop, by } => ("clear", Some(*stop), *by),
+    };
+    row.text("says", Some(says.to_owned()));
+    row.text("by", name(by));
+    row.text("cleared_session", clears.map(|stop| format!("{:016x}", stop.session.0)));
+    row.count("cleared_sequence", clears.map(|stop| stop.seq.0));
 }
 
 fn command(row: &mut Row, command: &Command) {
@@ -66,6 +95,12 @@ fn setpoint(row: &mut Row, setpoint: &Setpoint) {
     row.count("used_proposal_sequence", sequence(setpoint.proposal));
     row.number("used_proposal_age_s", setpoint.proposal.map(|used| seconds(used.age)));
     row.seen(setpoint.seen);
+    row.count("lease_number", setpoint.lease.map(|lease| lease.number.into()));
+    row.text(
+        "lease_session",
+        setpoint.lease.map(|lease| format!("{:016x}", lease.holder.0)),
+    );
+    row.text("lease_name", setpoint.lease.and_then(|lease| name(lease.name)));
 }
 
 fn state(row: &mut Row, state: &State) {

@@ -15,6 +15,10 @@ pub(super) struct Facts {
     pub(super) model: Option<String>,
     pub(super) trials: Vec<TrialRead>,
     pub(super) stops: Vec<Stop>,
+    /// Who was given the lease when.
+    pub(super) leases: Vec<Event>,
+    /// Emergency stops and their ends.
+    pub(super) emergencies: Vec<Event>,
     /// What the recorder said of its own file and views.
     pub(super) trouble: Vec<String>,
     /// Nothing in lockstep, where stamps are no times.
@@ -44,6 +48,12 @@ pub(super) struct Stop {
     pub(super) reason: String,
 }
 
+/// Something that people did.
+pub(super) struct Event {
+    pub(super) at_s: f64,
+    pub(super) what: String,
+}
+
 /// What stands before a channel in the names of the closing counts.
 const DROPPED: &str = "dropped.session_file";
 
@@ -61,6 +71,8 @@ impl Facts {
             model: recording.nodes.values().find_map(|node| node.model_sha256.clone()),
             trials: trials(recording),
             stops: stops(recording),
+            leases: events(recording, "arbiter", "the lease"),
+            emergencies: events(recording, "operator", "emergency stop"),
             trouble: trouble(recording),
             clocks: recording.counts.clocks.iter().filter(|_| is_paced).copied().collect(),
             offsets: latency::offsets(&recording.closing),
@@ -139,13 +151,26 @@ fn duration_s(recording: &Recording) -> f64 {
 /// Stops with their reasons, and contact, which is worse.
 fn stops(recording: &Recording) -> Vec<Stop> {
     let start = start_s(recording);
-    let is_stop = |note: &&Noted| note.text.starts_with("stop: ") || (note.level == Level::Error && !is_own(note));
+    // Who pressed an emergency stop is told apart from the nodes that obeyed it.
+    let is_contact = |note: &Noted| note.level == Level::Error && note.about == "robot-sim";
+    let is_stop = |note: &&Noted| note.text.starts_with("stop: ") || is_contact(note);
     let stop = |note: &Noted| Stop {
         at_s: note.at.seconds() - start,
         by: note.about.clone(),
         reason: note.text.strip_prefix("stop: ").unwrap_or(&note.text).to_owned(),
     };
     recording.notes.iter().filter(is_stop).map(stop).collect()
+}
+
+/// The notes about a node that speak of this.
+fn events(recording: &Recording, about: &str, of: &str) -> Vec<Event> {
+    let start = start_s(recording);
+    let is_meant = |note: &&Noted| note.about == about && note.text.contains(of) && !note.text.starts_with("stop: ");
+    let event = |note: &Noted| Event {
+        at_s: note.at.seconds() - start,
+        what: note.text.clone(),
+    };
+    recording.notes.iter().filter(is_meant).map(event).collect()
 }
 
 fn is_own(note: &Noted) -> bool {
