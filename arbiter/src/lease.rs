@@ -19,7 +19,8 @@ use tandem_wire::{
 
 use crate::hearing::Heard;
 
-/// So many operators are heard at a time; more have to wait until one of them has fallen silent.
+/// So many operators are heard at a time; more have to wait until one of them has fallen silent. A press does not take the
+/// place of one who only watches: whoever is forgotten could be impersonated with what it said before.
 const SEATS: usize = 8;
 
 /// How long a lease lasts without its holder.
@@ -214,7 +215,7 @@ impl Desk {
         let gone = |seat: &Seat| seat.guard.is_lost(now) && Some(seat.session) != holder;
         let silent = |at: &usize| self.seats[*at].guard.silent(now);
         let oldest = (0..SEATS).filter(|at| gone(&self.seats[*at])).max_by_key(silent);
-        let at = oldest.ok_or(Refusal::ForeignSession)?;
+        let at = oldest.ok_or(Refusal::NoSeat)?;
         self.seats[at] = seat;
         Ok(at)
     }

@@ -1,6 +1,6 @@
 //! After start-up a step allocates nothing: shown by an allocator that counts.
 
-#![allow(
+#![expect(
     unsafe_code,
     reason = "a global allocator cannot be written without it; this one only counts"
 )]

@@ -276,3 +276,34 @@ fn where_it_is_asked_for_setpoints_go_out_every_millisecond_while_motion_is_perm
         Motion::Held(Reason::StateLost { .. } | Reason::CommandLost { .. })
     ));
 }
+
+#[test]
+fn a_ninth_operator_is_refused_in_words_until_one_leaves_and_the_holder_drives_on() {
+    let mut stage = real();
+    let others: Vec<Session> = (20..28).map(Session).collect();
+    let speak = |stage: &mut Stage, n: u64, who: Session, deadman| {
+        stage.step(at(20 * n + 4), Event::Command(command_of(who, n, deadman, -HUMAN)));
+    };
+    for n in 1..12 {
+        round(&mut stage, n, Some(if n < 3 { RELEASED } else { held(1) }), None);
+        others.iter().for_each(|who| speak(&mut stage, n, *who, RELEASED));
+    }
+    let last = stage.setpoints.last().expect("it answers").body;
+    assert_eq!(last.refused.last, Some(Refusal::NoSeat));
+    assert_eq!(
+        (holder(&stage), last.motion),
+        (Some(OPERATOR), Motion::Permitted { press: 1 })
+    );
+    // One watcher leaves; after its stream has timed out the ninth has its place, but not the lease.
+    for n in 12..30 {
+        round(&mut stage, n, Some(held(1)), None);
+        others[1..].iter().for_each(|who| speak(&mut stage, n, *who, RELEASED));
+    }
+    let ninth = *others.last().expect("eight others");
+    round(&mut stage, 30, Some(held(1)), None);
+    speak(&mut stage, 30, ninth, held(1));
+    round(&mut stage, 31, Some(held(1)), None);
+    let last = stage.setpoints.last().expect("it answers").body;
+    assert_eq!(last.refused.last, Some(Refusal::SecondOperator), "it is heard now");
+    assert_eq!(holder(&stage), Some(OPERATOR));
+}

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::model::Model;
+use crate::replan::Aside;
 use crate::reservoir::State;
 use crate::update::LANES;
 
@@ -159,7 +160,7 @@ pub struct Forecaster {
     input: Vec<f64>,
     before: Vec<f64>,
     tile: Vec<[f64; LANES]>,
-    context_time: Option<f64>,
+    aside: Aside,
     forecast: Forecast,
 }
 
@@ -174,7 +175,7 @@ impl Forecaster {
             input: vec![0.0; model.reservoir().inputs()],
             before: vec![0.0; model.outputs()],
             tile: vec![[0.0; LANES]; model.triangle.padded()],
-            context_time: None,
+            aside: Aside::default(),
             forecast,
         }
     }
@@ -256,8 +257,7 @@ impl Forecaster {
         self.input.resize(model.reservoir().inputs(), 0.0);
         self.before.resize(model.outputs(), 0.0);
         self.state.rest();
-        set_context(model, context, &mut self.input)?;
-        self.context_time = model.context_time(context);
+        set_context(model, context, &mut self.input, &mut self.aside)?;
         model.reservoir().hold(&mut self.state, &self.input);
         Ok(())
     }
@@ -298,25 +298,32 @@ impl Forecaster {
         for k in 0..outputs {
             let means = model.readout.read_tile(k, &self.tile[..model.readout.columns()]);
             for (lane, mean) in means.iter().enumerate().take(count) {
-                self.forecast.mean[(first + lane) * outputs + k] = *mean;
+                let shift = self.aside.shift(model, self.forecast.first_step + first + lane, k);
+                self.forecast.mean[(first + lane) * outputs + k] = mean + shift;
             }
         }
         let leverages = model.triangle.squared_norms(&mut self.tile);
         for (lane, leverage) in leverages.iter().enumerate().take(count) {
             let row = first + lane;
+            let leverage = self.aside.leverage(*leverage);
             for k in 0..outputs {
-                self.forecast.half_width[row * outputs + k] = model.calibration().half_width(k, *leverage);
+                self.forecast.half_width[row * outputs + k] = model.calibration().half_width(k, leverage);
             }
             let step = self.forecast.first_step + row;
-            self.forecast.leverage[row] = *leverage;
-            self.forecast.ratio[row] = model.ratio(self.context_time, step, *leverage);
+            self.forecast.leverage[row] = leverage;
+            self.forecast.ratio[row] = model.ratio(self.aside.time, step, leverage);
         }
         self.tile.fill([0.0; LANES]);
     }
 }
 
-/// Writes the context as the reservoir hears it to the front of `input`.
-pub(crate) fn set_context(model: &Model, context: &[f64], input: &mut [f64]) -> Result<(), ForecastError> {
+/// Writes the context as the reservoir hears it to the front of `input`, and what it does not hear to `aside`.
+pub(crate) fn set_context(
+    model: &Model,
+    context: &[f64],
+    input: &mut [f64],
+    aside: &mut Aside,
+) -> Result<(), ForecastError> {
     let scale = &model.facts.context_scale;
     let (found, expected) = (context.len(), scale.mean.len());
     if found != expected {
@@ -328,6 +335,7 @@ pub(crate) fn set_context(model: &Model, context: &[f64], input: &mut [f64]) -> 
         Some(conditions) => conditions.relative(context, model.period_s(), scale.half_range, held),
     }
     check_reach(held, scale, model.context_columns())?;
+    aside.split(model, context, held);
     for (held, mean) in held.iter_mut().zip(&scale.mean) {
         *held = (*held - mean) / scale.half_range;
     }

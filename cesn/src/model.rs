@@ -102,12 +102,6 @@ impl Model {
         }
     }
 
-    /// When a context was, in steps; none for a model of one checkpoint, which knows.
-    pub(crate) fn context_time(&self, context: &[f64]) -> Option<f64> {
-        self.conditions.as_ref()?;
-        Some(context.first()? / self.period_s())
-    }
-
     /// `y = W_out [1; x]`, written to `y`.
     pub fn read(&self, state: &State, y: &mut [f64]) {
         self.readout.read(state.activations(), y);

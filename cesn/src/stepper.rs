@@ -3,6 +3,7 @@
 use crate::forecast::{ForecastError, check_output, set_context};
 use crate::interval::Interval;
 use crate::model::Model;
+use crate::replan::Aside;
 use crate::reservoir::State;
 
 /// What is fed back into the next step.
@@ -30,7 +31,7 @@ pub struct Step {
 pub struct Stepper {
     state: State,
     input: Vec<f64>,
-    context_time: Option<f64>,
+    aside: Aside,
     step: Step,
     next: usize,
 }
@@ -42,7 +43,8 @@ impl Stepper {
     /// When the context does not fit the model.
     pub fn new(model: &Model, context: &[f64]) -> Result<Self, ForecastError> {
         let mut input = vec![0.0; model.reservoir().inputs()];
-        set_context(model, context, &mut input)?;
+        let mut aside = Aside::default();
+        set_context(model, context, &mut input, &mut aside)?;
         let mut state = model.reservoir().rest();
         model.reservoir().hold(&mut state, &input);
         let mean = model
@@ -54,7 +56,7 @@ impl Stepper {
         Ok(Self {
             state,
             input,
-            context_time: model.context_time(context),
+            aside,
             step: Step {
                 index: 0,
                 mean,
@@ -86,7 +88,15 @@ impl Stepper {
         model.read(&self.state, &mut self.step.mean);
         let interval = &mut self.step.interval;
         model.interval_into(&self.state, self.next, interval);
-        interval.ratio = model.ratio(self.context_time, self.next, interval.leverage);
+        if self.aside.time.is_some() {
+            let leverage = self.aside.leverage(interval.leverage);
+            interval.leverage = leverage;
+            for (k, (mean, half_width)) in self.step.mean.iter_mut().zip(&mut interval.half_width).enumerate() {
+                *mean += self.aside.shift(model, self.next, k);
+                *half_width = model.calibration().half_width(k, leverage);
+            }
+            interval.ratio = model.ratio(self.aside.time, self.next, leverage);
+        }
         self.next += 1;
         Ok(&self.step)
     }

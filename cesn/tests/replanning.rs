@@ -68,7 +68,7 @@ fn every_forecast_ends_at_the_goal_and_starts_where_the_movement_is() {
             assert!(distance(end.expect("forecast"), planar::position(0.11, 83)) < 0.01);
         }
     }
-    assert!(model().calibration().rho_hi > 1.1, "{}", model().calibration().rho_hi);
+    assert!(model().calibration().rho_hi > 1.06, "{}", model().calibration().rho_hi);
 }
 
 #[test]
@@ -104,9 +104,9 @@ fn at_every_time_the_demonstrations_look_known_and_what_is_far_off_new() {
             (largest - 1.0).abs() < 1e-4,
             "{at}: the demonstrations' own ratio is {largest}"
         );
-        // Copies 10 mm off have taught departures of that size.
+        // Copies 15 mm off have taught departures of that size.
         assert!(ratio(at, 0.12, 0.01) < 1.03, "{at}: {}", ratio(at, 0.12, 0.01));
-        assert!(ratio(at, 0.12, 0.06) > 1.2, "{at}: {}", ratio(at, 0.12, 0.06));
+        assert!(ratio(at, 0.12, 0.06) > 1.05, "{at}: {}", ratio(at, 0.12, 0.06));
     }
 }
 
@@ -121,4 +121,55 @@ fn a_stepper_says_the_same_as_a_forecaster() {
             assert!((one.interval.ratio - ratio).abs() < 1e-12, "{step}");
         }
     }
+}
+
+#[test]
+fn whoever_follows_it_blindly_comes_home_from_anywhere() {
+    let mut forecaster = Forecaster::new(model());
+    for from in [41_u32, 50, 58] {
+        for (amplitude, aside) in [
+            (0.12, [0.0, -0.03]),
+            (0.12, [-0.03, 0.0]),
+            (0.05, [0.0, -0.06]),
+            (0.18, [0.03, 0.06]),
+        ] {
+            let [x, y] = planar::position(amplitude, from);
+            let mut here = [x + aside[0], y + aside[1]];
+            for step in from..83 {
+                let at = step.min(81);
+                let context = model().context_at(f64::from(at), &here);
+                let forecast = forecaster.forecast(model(), &context, at as usize).expect("legal");
+                let next = forecast.mean(step as usize + 1).expect("within the movement");
+                here = [next[0], next[1]];
+                let off = distance(&here, planar::position(amplitude, step + 1));
+                assert!(
+                    off < 0.16,
+                    "from {from}, {amplitude} {aside:?}: {off} m off at step {step}"
+                );
+            }
+            let off = distance(&here, planar::position(0.11, 83));
+            assert!(off < 0.01, "from {from}, {amplitude} {aside:?}: {off} m from the goal");
+        }
+    }
+}
+
+#[test]
+fn what_lies_too_far_to_be_heard_is_added_and_comes_back() {
+    let forecast = |aside: f64| {
+        let [x, y] = planar::position(0.11, 60);
+        model()
+            .forecast(&model().context_at(60.0, &[x, y + aside]), 60)
+            .expect("legal")
+    };
+    let (near, far) = (forecast(0.1), forecast(1.1));
+    let apart = |step: usize| far.mean(step).expect("forecast")[1] - near.mean(step).expect("forecast")[1];
+    assert!(
+        (apart(60) - 1.0).abs() < 1e-9 && apart(83).abs() < 1e-9,
+        "{} {}",
+        apart(60),
+        apart(83)
+    );
+    assert!((apart(70) - 0.6).abs() < 0.1, "{}", apart(70));
+    let leverages = [&near, &far].map(|forecast| forecast.leverage(60).expect("forecast"));
+    assert!((leverages[1] / leverages[0] - 121.0).abs() < 5.0, "{leverages:?}");
 }

@@ -258,6 +258,7 @@ REFUSAL = units(
     "TooFarAhead",
     "SecondOperator",
     "NotSupervisor",
+    "NoSeat",
 )
 REFUSALS = Struct("Refusals", count=U64, last=Option(REFUSAL))
 LAW = Enum("Law", Adaptive=None, Fixed=None, Human=None, Robot=None, Constant=F64, Attentive=None)

@@ -133,7 +133,7 @@ impl Target for Records {
 fn check(file: &[u8], is_executed: bool) {
     let read = Recording::read(file);
     let mut repaired = Cursor::new(Vec::new());
-    let report = repair(Cursor::new(file), &mut repaired);
+    let report = repair(Cursor::new(file), &[], &mut repaired);
     match (&read, &report) {
         (Err(ReadError::Empty | ReadError::NotMcap), repaired) => assert!(repaired.is_err(), "repaired from nothing"),
         (Ok(recording), Ok(_)) if !recording.messages.is_empty() => {

@@ -110,7 +110,7 @@ fn failed(doing: &'static str) -> impl Fn(io::Error) -> KeyboardError {
 struct Clock(Instant);
 
 impl Clock {
-    #[allow(
+    #[expect(
         clippy::disallowed_methods,
         reason = "this is the shell's side: no node runs on this clock"
     )]

@@ -2,7 +2,8 @@
 
 use bincode::{Decode, Encode};
 use tandem_wire::{
-    Envelope, Header, Lease, Malformed, Memory, MessageId, Motion, Remember, Seq, Session, State, TaskFrame, Vec3,
+    Envelope, Header, Lease, Malformed, Memory, MessageId, Motion, Refusal, Remember, Seq, Session, State, TaskFrame,
+    Vec3,
 };
 
 /// The newest state, as far as the operator cares.
@@ -24,6 +25,8 @@ pub struct Seen {
     pub guided: bool,
     /// Who may drive, by that setpoint.
     pub lease: Option<Lease>,
+    /// Whether the arbiter, when it made that setpoint, had last refused an operator for want of a place.
+    pub crowded: bool,
 }
 
 /// Whether there is a picture of the robot.
@@ -127,6 +130,7 @@ impl Eyes {
             weight: setpoint.map_or(1.0, |setpoint| setpoint.weight.0),
             guided: setpoint.is_some_and(|setpoint| setpoint.guidance.is_some()),
             lease: setpoint.and_then(|setpoint| setpoint.lease),
+            crowded: setpoint.is_some_and(|setpoint| setpoint.refused.last == Some(Refusal::NoSeat)),
         };
         let sight = Sight {
             tick: header.tick,

@@ -100,6 +100,10 @@ impl Status {
             Some(lease) => write!(f, " · {} holds the lease", lease.name)?,
             None => {}
         }
+        if seen.crowded && seen.lease.is_none_or(|lease| lease.holder != self.session) {
+            // Whom it refused it does not say; whoever presses in vain knows.
+            f.write_str(" · too many operators: if your press does nothing, another one has to leave first")?;
+        }
         match seen.trial {
             0 => f.write_str(" · no trial"),
             trial => write!(f, " · trial {trial}"),

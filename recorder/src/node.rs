@@ -137,7 +137,12 @@ impl Recorder {
             other => other,
         };
         let place = self.tally.count(topic, &header);
-        self.tick = header.tick;
+        // Whoever marks a trial or stops a robot counts no ticks: it happens now.
+        let tick = match topic {
+            Topic::Trial | Topic::Emergency => self.tick.max(header.tick),
+            _ => header.tick,
+        };
+        self.tick = tick;
         if let Place::AfterGap(missed) = place {
             self.on_gap(now, topic, missed, outbox);
         }
@@ -163,7 +168,7 @@ impl Recorder {
             (Sample::Clock(NodeName::Recorder, message), _) => self.clocks.hear(&message.body),
             _ => Vec::new(),
         };
-        self.pass_on(now, header.tick, sample, place, outbox);
+        self.pass_on(now, tick, sample, place, outbox);
         for note in notes {
             self.note(now, note, outbox);
         }

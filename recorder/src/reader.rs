@@ -18,6 +18,7 @@ mod protobuf;
 mod records;
 mod reel;
 mod repair;
+mod spool;
 
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Seek};

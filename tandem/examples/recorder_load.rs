@@ -1,7 +1,7 @@
 //! What the recorder's process takes over real Zenoh: messages of 300 bytes at a rate for a time, and what it cost.
 //!
 //! `recorder_load TANDEM [SECONDS=60] [RATE=20000] [stalled]`, where TANDEM is the program to be measured. This process
-//! sends journal parts in the bulk class over TCP on loopback; processor time and memory of the recorder's process are
+//! sends parts of four journals over TCP on loopback, in a class that waits where the line is full rather than drop; processor time and memory of the recorder's process are
 //! read from `/proc`, what arrived from its file. With `stalled` its disk is a pipe that nobody reads and its viewer
 //! accepts connections and never answers: then memory and exit code are what matters. Linux only.
 
@@ -24,7 +24,12 @@ type Failure = Box<dyn std::error::Error>;
 const BYTES: usize = 300;
 /// What a batch of one entry adds to its entry's bytes.
 const AROUND: usize = 32 + 24 + 20 + 4 + 8;
-const TOPIC: Topic = Topic::Journal(NodeName::Arbiter);
+const STREAMS: [NodeName; 4] = [
+    NodeName::Operator,
+    NodeName::Predictor,
+    NodeName::Arbiter,
+    NodeName::RobotSim,
+];
 /// The flag that opens a pipe for reading although nobody writes yet.
 const NONBLOCKING: i32 = 0o4000;
 
@@ -68,7 +73,7 @@ fn measure(program: &str, seconds: u64, rate: u64, is_stalled: bool, folder: &Pa
         let sent = sent?;
         let missing = sent.saturating_sub(messages);
         println!("in the file    {messages} of {sent} sent, {missing} missing");
-        println!("               of these {dropped} dropped by the recorder, the others by the network's sender");
+        println!("               of these {dropped} dropped by the recorder");
     } else {
         sent?;
     }
@@ -97,6 +102,7 @@ fn drive(recorder: &mut Child, endpoint: &str, seconds: u64, rate: u64) -> Resul
     let before = cpu_seconds(recorder.id())?;
     let began = Instant::now();
     let count = rate * seconds;
+    let names = STREAMS.map(|node| Topic::Journal(node).suffix());
     let step = (rate / 1000).max(1);
     for number in 0..count {
         // A thousand times a second, as many as are due: no finer than a system's timer.
@@ -104,7 +110,9 @@ fn drive(recorder: &mut Child, endpoint: &str, seconds: u64, rate: u64) -> Resul
             let due = Duration::from_nanos(number * 1_000_000_000 / rate);
             std::thread::sleep(due.saturating_sub(began.elapsed()));
         }
-        link.publish_as(&TOPIC.suffix(), Delivery::Bulk, Pace::Real, message(number))?;
+        let stream = usize::try_from(number)? % names.len();
+        let of_stream = number / names.len() as u64;
+        link.publish_as(&names[stream], Delivery::Event, Pace::Real, message(stream, of_stream))?;
     }
     let wall = began.elapsed().as_secs_f64();
     // What is still on its way.
@@ -112,7 +120,7 @@ fn drive(recorder: &mut Child, endpoint: &str, seconds: u64, rate: u64) -> Resul
     let cpu = cpu_seconds(recorder.id())? - before;
     println!(
         "sent           {count} messages of {} bytes in {wall:.1} s",
-        message(0).len()
+        message(0, 0).len()
     );
     println!("processor      {:.1} % of one core", 100.0 * cpu / wall);
     println!(
@@ -146,13 +154,13 @@ struct Kept {
 fn kept(session: &Path) -> Result<Kept, Failure> {
     let bytes = std::fs::read(session)?;
     let summary = mcap::Summary::read(&bytes)?.ok_or("the file has no index")?;
-    let channel = summary
+    let statistics = summary.stats.ok_or("the file has no statistics")?;
+    let journals = summary
         .channels
         .values()
-        .find(|channel| channel.topic.ends_with("journal/arbiter"));
-    let id = channel.ok_or("no journal in the file")?.id;
-    let statistics = summary.stats.ok_or("the file has no statistics")?;
-    let messages = statistics.channel_message_counts.get(&id).copied().unwrap_or(0);
+        .filter(|channel| channel.topic.contains("/journal/"));
+    let counts = journals.filter_map(|channel| statistics.channel_message_counts.get(&channel.id));
+    let messages = counts.sum();
     let counts = summary
         .metadata_indexes
         .iter()
@@ -167,7 +175,7 @@ fn kept(session: &Path) -> Result<Kept, Failure> {
 }
 
 /// A journal's part of exactly so many bytes; half of them are like a number's, which do not compress.
-fn message(number: u64) -> Vec<u8> {
+fn message(stream: usize, number: u64) -> Vec<u8> {
     let mut noise = number.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
     let bytes = (0..BYTES - AROUND).map(|index| {
         noise ^= noise << 13;
@@ -187,7 +195,7 @@ fn message(number: u64) -> Vec<u8> {
     };
     let header = Header {
         tick: 0,
-        session: Session(1),
+        session: Session(1 + stream as u64),
         seq: Seq(number + 1),
         sent: now,
     };

@@ -77,7 +77,7 @@ pub(crate) fn run(flags: &DoctorFlags) -> anyhow::Result<Outcome> {
         "settings",
         "they can be read, and every value is in its range",
     )]);
-    findings.tell(machine::certificates(settings));
+    findings.tell(machine::certificates(settings, flags.role));
     match Reach::new(settings, flags.role) {
         Err(why) => findings.tell([Check::bad(
             "endpoints",

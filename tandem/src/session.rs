@@ -3,6 +3,7 @@
 mod export;
 mod family;
 mod info;
+mod kept;
 mod stops;
 mod verdict;
 
@@ -77,6 +78,10 @@ pub(crate) struct RepairFlags {
     /// The whole file [default: FILE with .repaired.mcap at the end].
     #[arg(short, long, value_name = "PATH")]
     output: Option<PathBuf>,
+    /// Merges what nodes kept of their journals in this folder (`link.spool`, or tandem-journals-… among the system's
+    /// temporary files), where the file lacks it.
+    #[arg(long, value_name = "DIR")]
+    spool: Option<PathBuf>,
 }
 
 #[derive(Args)]
@@ -139,13 +144,14 @@ pub(crate) fn timing<B>(recording: &Recording<B>) -> Timing {
 
 fn mend(flags: &RepairFlags) -> anyhow::Result<Outcome> {
     let damaged = File::open(&flags.file).with_context(|| format!("cannot read {}", flags.file.display()))?;
+    let kept = flags.spool.as_deref().map(kept::read).transpose()?.unwrap_or_default();
     let to = flags
         .output
         .clone()
         .unwrap_or_else(|| flags.file.with_extension("repaired.mcap"));
     // A new file only: the damaged one may be all there is.
     let file = File::create_new(&to).with_context(|| format!("cannot create {}", to.display()))?;
-    let repaired = match repair(BufReader::new(damaged), BufWriter::new(file)) {
+    let repaired = match repair(BufReader::new(damaged), &kept, BufWriter::new(file)) {
         Ok(repaired) => repaired,
         Err(error) => {
             // Nothing worth keeping; if even this fails, an empty file stays.
@@ -159,6 +165,19 @@ fn mend(flags: &RepairFlags) -> anyhow::Result<Outcome> {
     }
     for damage in &repaired.damage {
         eprintln!("session: {damage}");
+    }
+    if let Some(folder) = &flags.spool {
+        eprintln!(
+            "session: {} entries of journals were lacking and come from {}",
+            repaired.merged,
+            folder.display()
+        );
+    }
+    if repaired.strange > 0 {
+        eprintln!(
+            "session: {} kept parts belong to other sessions; they are left out",
+            repaired.strange
+        );
     }
     println!("{}: {} messages", to.display(), repaired.messages);
     Ok(Outcome::Done)

@@ -33,7 +33,7 @@ pub(crate) struct TrainFlags {
     #[arg(long, default_value_t = Settings::default().checkpoint_step)]
     checkpoint_step: usize,
     /// A model that is conditioned anew on every tick after the checkpoint: its context is a time and a position. Other
-    /// defaults: context_gain 0.01, jitter 10 mm. The demonstrations' own context columns do not count.
+    /// defaults: 16 jittered copies, 15 mm off. The demonstrations' own context columns do not count.
     #[arg(long)]
     replan: bool,
     /// Any other hyper-parameter as TOML, as in --set units=300 or --set 'feedback={gain=0.01}'.

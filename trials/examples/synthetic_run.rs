@@ -8,7 +8,6 @@
 //! There is no session file beside them. Conditions that need models of their own are driven with the shipped one.
 
 use std::error::Error;
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -16,8 +15,8 @@ use tandem_cesn::{Demonstration, Model, Settings};
 use tandem_link::config::PaceName;
 use tandem_trials::plan::{Participant, Plan, Slot};
 use tandem_trials::run::{JudgedBy, RunLog, TrialEntry, TrialOutcome};
-use tandem_trials::{Blueprint, Measures, Trace, Tracer, World};
-use tandem_wire::{SECOND, Session, Trial};
+use tandem_trials::{Blueprint, Measures, Trace, World};
+use tandem_wire::{SECOND, Session};
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -89,19 +88,9 @@ fn drive(plan: &Plan, slot: &Slot, seed: u64, model: &Model) -> Result<Trace, Bo
     configuration.rates.pace = PaceName::Max;
     configuration.rates.seed = seed;
     let blueprint = Blueprint::new(configuration, Session(1), Some(model.clone()))?;
-    let mut world = World::new(&blueprint)?;
     let label = format!("{}, {}", condition.name, context.name);
-    world.mark(Trial::Begin { number: 1, label });
-    let mut tracer = Tracer::of_trial(1);
-    world.run(30 * SECOND, |_, topic, bytes| {
-        tracer.see(topic, bytes);
-        if tracer.is_over() {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
-    });
-    Ok(tracer.trace())
+    let (trace, _) = World::new(&blueprint)?.trial(1, &label, 30 * SECOND);
+    Ok(trace)
 }
 
 fn entry(plan: &Plan, participant: &Participant, slot: &Slot, round: u32, trace: &Trace) -> TrialEntry {

@@ -43,6 +43,9 @@ pub enum Refusal {
     /// A take-over by somebody who is no supervisor.
     #[error("not a supervisor: only the names in arbiter.supervisors may take the lease over")]
     NotSupervisor,
+    /// As many operators are heard as the arbiter hears at a time.
+    #[error("as many operators are there as the arbiter hears at a time: one of them has to leave first")]
+    NoSeat,
 }
 
 impl From<Malformed> for Refusal {

@@ -16,7 +16,7 @@ pub enum ReadError {
     #[error("this MCAP file holds no session: it has no record \"tandem.session\" and no channel tandem/<robot>/…")]
     NoSession,
     /// The system would not read it to the end.
-    #[error("the file cannot be read: {0}; copy it to a disk that can, and try again")]
+    #[error("the system cannot read it: {0}")]
     System(ErrorKind),
 }
 

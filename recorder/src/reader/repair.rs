@@ -1,14 +1,19 @@
-//! A damaged file made whole: everything that can be read, written anew with index and end.
+//! A damaged file made whole: everything that can be read, written anew with index and end, and what nodes kept of their
+//! journals, where the file lacks it.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{Read, Seek, Write};
 
-use mcap::records::{Metadata, Record};
+use mcap::records::{MessageHeader, Metadata, Record};
 use mcap::{Attachment, Compression, McapError, WriteOptions};
+use tandem_wire::{JournalBatch, Nanos, NodeName, Topic, decode, keys};
 
 use super::damage::{Damage, ReadError};
 use super::records;
+use super::spool::Coverage;
+use crate::heard::JournalPart;
+use crate::session_file::JOURNAL_ENCODING;
 
 /// What a repair came to.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -17,6 +22,10 @@ pub struct Repaired {
     pub messages: u64,
     /// Messages that were left out because their channel is unknown.
     pub left_out: u64,
+    /// Entries of journals that were lacking and are there now.
+    pub merged: u64,
+    /// Parts of journals of runs that the file knows nothing of, left out.
+    pub strange: u64,
     /// What was wrong.
     pub damage: Vec<Damage>,
 }
@@ -32,11 +41,16 @@ pub enum RepairError {
     Write(#[from] McapError),
 }
 
-/// Writes what can be read of `file` to `to`: channels, messages, metadata and attachments as they are.
+/// Writes what can be read of `file` to `to`: channels, messages, metadata and attachments as they are; behind them those
+/// of the `kept` parts of journals that the file lacks.
 ///
 /// # Errors
 /// If `file` is no MCAP file, or `to` cannot be written.
-pub fn repair<W: Write + Seek>(mut file: impl Read + Seek, to: W) -> Result<Repaired, RepairError> {
+pub fn repair<W: Write + Seek>(
+    mut file: impl Read + Seek,
+    kept: &[JournalPart],
+    to: W,
+) -> Result<Repaired, RepairError> {
     let writer = WriteOptions::new()
         .compression(Some(Compression::Zstd))
         .compression_threads(0)
@@ -46,6 +60,9 @@ pub fn repair<W: Write + Seek>(mut file: impl Read + Seek, to: W) -> Result<Repa
         writer,
         schemas: BTreeMap::new(),
         channels: BTreeMap::new(),
+        journals: BTreeMap::new(),
+        coverage: Coverage::default(),
+        last: 0,
         messages: 0,
         left_out: 0,
         failed: None,
@@ -56,7 +73,15 @@ pub fn repair<W: Write + Seek>(mut file: impl Read + Seek, to: W) -> Result<Repa
         let messages = copy.left_out;
         damage.push(Damage::UnknownChannel { messages });
     }
-    copy.finish(damage)
+    if let Some(error) = copy.failed.take() {
+        return Err(error.into());
+    }
+    let (merged, strange) = copy.merge(kept)?;
+    Ok(Repaired {
+        merged,
+        strange,
+        ..copy.finish(damage)?
+    })
 }
 
 struct Copy<W: Write + Seek> {
@@ -64,6 +89,11 @@ struct Copy<W: Write + Seek> {
     /// The old file's numbers and the new file's.
     schemas: BTreeMap<u16, u16>,
     channels: BTreeMap<u16, u16>,
+    /// The new file's numbers of the journals' channels.
+    journals: BTreeMap<u16, NodeName>,
+    coverage: Coverage,
+    /// The last arrival.
+    last: Nanos,
     messages: u64,
     left_out: u64,
     failed: Option<McapError>,
@@ -92,11 +122,24 @@ impl<W: Write + Seek> Copy<W> {
                 let id = self
                     .writer
                     .add_channel(schema, &channel.topic, encoding, &channel.metadata)?;
+                if let (true, Some((_, Topic::Journal(node)))) =
+                    (encoding == JOURNAL_ENCODING, keys::parse(&channel.topic))
+                {
+                    self.journals.insert(id, node);
+                }
                 self.channels.insert(channel.id, id);
             }
             Record::Message { mut header, data } => match self.channels.get(&header.channel_id) {
                 Some(id) => {
                     header.channel_id = *id;
+                    self.last = self.last.max(header.log_time);
+                    if let Some(node) = self.journals.get(id)
+                        && let Ok(batch) = decode::<JournalBatch>(&data)
+                    {
+                        let entries = batch.body.entries.len() as u64;
+                        self.coverage
+                            .add(*node, batch.header.session, batch.body.first, entries);
+                    }
                     self.writer.write_to_known_channel(&header, &data)?;
                     self.messages += 1;
                 }
@@ -115,10 +158,36 @@ impl<W: Write + Seek> Copy<W> {
         Ok(())
     }
 
-    fn finish(mut self, damage: Vec<Damage>) -> Result<Repaired, RepairError> {
-        if let Some(error) = self.failed {
-            return Err(error.into());
+    /// Writes the parts that the file lacks, as if they had come last; how many entries, and how many parts are of runs
+    /// that are not in this file.
+    fn merge(&mut self, kept: &[JournalPart]) -> Result<(u64, u64), McapError> {
+        let (mut merged, mut strange) = (0, 0);
+        for part in kept {
+            let lacking = self.coverage.lacks(part);
+            let channel = self.journals.iter().find(|(_, node)| **node == part.node);
+            let Some((id, _)) = channel.filter(|_| self.coverage.knows(part)) else {
+                strange += 1;
+                continue;
+            };
+            if lacking == 0 {
+                continue;
+            }
+            let header = MessageHeader {
+                channel_id: *id,
+                sequence: 0,
+                log_time: self.last,
+                publish_time: self.last,
+            };
+            self.writer.write_to_known_channel(&header, &part.bytes)?;
+            self.coverage
+                .add(part.node, part.header.session, part.first, part.entries);
+            self.messages += 1;
+            merged += lacking;
         }
+        Ok((merged, strange))
+    }
+
+    fn finish(mut self, damage: Vec<Damage>) -> Result<Repaired, RepairError> {
         if !damage.is_empty() {
             let said = damage.iter().enumerate();
             let metadata = said
@@ -131,6 +200,8 @@ impl<W: Write + Seek> Copy<W> {
         Ok(Repaired {
             messages: self.messages,
             left_out: self.left_out,
+            merged: 0,
+            strange: 0,
             damage,
         })
     }

@@ -5,8 +5,8 @@ use std::io::Cursor;
 use crate::script::{Sample, record, session};
 use proptest::prelude::*;
 use tandem_recorder::{
-    Counts, Damage, Drops, Output, PartsReader, Place, Provenance, ReadError, Recorded, Recording, Reel, ReelError,
-    SessionFile, repair,
+    Counts, Damage, Drops, JournalPart, Output, PartsReader, Place, Provenance, ReadError, Recorded, Recording, Reel,
+    ReelError, SessionFile, repair,
 };
 use tandem_wire::{
     Happening, JournalBatch, JournalEntry, NodeName, Numbering, Session, Stamp, Timing, Topic, codec, encode,
@@ -144,6 +144,38 @@ fn a_message_that_the_recorder_missed_is_found_in_the_journal() {
 }
 
 #[test]
+fn what_a_node_kept_of_its_journal_is_merged_where_the_file_lacks_it() {
+    let all = samples();
+    let is_kept =
+        |index: usize, sample: &Sample| matches!(sample.topic, Topic::Journal(_)) && (100..300).contains(&index);
+    let part = |(_, sample): (usize, &Sample)| {
+        let length = u32::try_from(sample.bytes.len()).expect("short");
+        [&length.to_le_bytes()[..], &sample.bytes].concat()
+    };
+    let kept: Vec<u8> = all
+        .iter()
+        .enumerate()
+        .filter(|(index, sample)| is_kept(*index, sample))
+        .flat_map(part)
+        .collect();
+    let (parts, is_whole) = JournalPart::read_kept(NodeName::Arbiter, kept.as_slice()).unwrap();
+    assert!(is_whole && parts.len() > 50);
+    let lacking: Vec<Sample> = all
+        .iter()
+        .enumerate()
+        .filter(|(index, sample)| !is_kept(*index, sample))
+        .map(|(_, sample)| sample.clone())
+        .collect();
+    let mut merged = Cursor::new(Vec::new());
+    let report = repair(Cursor::new(written(&lacking)), &parts, &mut merged).unwrap();
+    assert_eq!((report.merged, report.strange), (parts.len() as u64, 0));
+    let whole = Recording::read(&written(&all)).unwrap();
+    assert_eq!(Recording::read(merged.get_ref()).unwrap().messages, whole.messages);
+    let again = repair(merged, &parts, Cursor::new(Vec::new())).unwrap();
+    assert_eq!(again.merged, 0, "what is there is not merged twice");
+}
+
+#[test]
 fn messages_without_a_journal_are_counted() {
     let samples: Vec<_> = samples()
         .into_iter()
@@ -212,7 +244,7 @@ fn a_file_that_was_cut_short_is_read_up_to_the_cut_and_repaired() {
     assert!(!recording.messages.is_empty());
 
     let mut repaired = Cursor::new(Vec::new());
-    let report = repair(Cursor::new(cut), &mut repaired).unwrap();
+    let report = repair(Cursor::new(cut), &[], &mut repaired).unwrap();
     assert!(report.messages > 300 && report.left_out == 0, "{report:?}");
     let again = Recording::read(repaired.get_ref()).unwrap();
     // The cut may have taken the journal of a message that was heard; nothing else is wrong any more.
@@ -267,7 +299,7 @@ proptest! {
             prop_assert!(!recording.damage.is_empty());
             prop_assert!(recording.messages.len() <= *all);
         }
-        let _ = repair(Cursor::new(&whole[..cut]), Cursor::new(Vec::new()));
+        let _ = repair(Cursor::new(&whole[..cut]), &[], Cursor::new(Vec::new()));
     }
 
     #[test]
@@ -283,7 +315,7 @@ proptest! {
         if let Ok(recording) = Recording::read(&damaged) {
             prop_assert!(recording.messages.len() <= *all);
         }
-        let _ = repair(Cursor::new(&damaged), Cursor::new(Vec::new()));
+        let _ = repair(Cursor::new(&damaged), &[], Cursor::new(Vec::new()));
     }
 
     #[test]
@@ -296,7 +328,7 @@ proptest! {
         file.extend((body.len() as u64).to_le_bytes());
         file.extend(&body);
         let _ = Recording::read(&file);
-        let _ = repair(Cursor::new(&file), Cursor::new(Vec::new()));
+        let _ = repair(Cursor::new(&file), &[], Cursor::new(Vec::new()));
     }
 }
 

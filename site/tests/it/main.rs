@@ -1,4 +1,5 @@
 //! Sites as their users meet them: made, copied, spoilt, asked.
 
 mod folders;
+mod garbage;
 mod privilege;

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use tandem_link::reach::{is_loopback, place};
 use tandem_link::{LinkSettings, Reach};
-use tandem_site::{Certificate, Member, Site, SiteError};
+use tandem_site::{CA_KEY, Certificate, Member, Role, Site, SiteError};
 use tandem_trials::Configuration;
 
 use super::check::Check;
@@ -20,7 +20,7 @@ const LITTLE_MIB: u64 = 4096;
 const RERUN: &str = "0.36";
 
 /// The certificates of this machine: whole, closed to others, good for how long.
-pub(super) fn certificates(settings: &LinkSettings) -> Vec<Check> {
+pub(super) fn certificates(settings: &LinkSettings, role: Option<Role>) -> Vec<Check> {
     const NAME: &str = "certificates";
     if settings.site.is_empty() {
         return vec![match settings.insecure {
@@ -42,6 +42,15 @@ pub(super) fn certificates(settings: &LinkSettings) -> Vec<Check> {
         Err(why) => return vec![refused(&why)],
     };
     let mut checks = vec![authority(&site)];
+    if let Some(role) = role
+        && site.folder().join(CA_KEY).exists()
+    {
+        checks.push(Check::worth(
+            NAME,
+            format!("{CA_KEY} lies here: whoever breaks into this {role} can make anybody anything"),
+            format!("tandem keys copy makes a folder without it; keep {CA_KEY} elsewhere"),
+        ));
+    }
     let here = |member: &&Member| site.file(member, "key").exists() || site.file(member, "pem").exists();
     let members: Vec<&Member> = site.roster().members.iter().filter(here).collect();
     if members.is_empty() {

@@ -5,6 +5,7 @@
 //! left for the next. Before new ones start, the old ones' presence has gone, so that nobody waits for a ghost.
 
 mod following;
+mod recording;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -16,11 +17,12 @@ use crossbeam_channel::Receiver;
 use tandem_link::{Link, Observer, Running, Sighting};
 use tandem_operator::Status;
 use tandem_trials::{Blueprint, Trace, Tracer};
-use tandem_wire::{JournalBatch, NodeName, Pace, Stamp, Topic, Trial, Vec3, decode, seconds};
+use tandem_wire::{JournalBatch, NodeName, Pace, Topic, Trial, Vec3, decode, seconds};
 
 pub(crate) use self::following::{End, Following};
+use self::recording::Recording;
 use super::TrialMarks;
-use crate::parts::{LOOP, Parts, RunningRecorder, lost};
+use crate::parts::{LOOP, Parts};
 
 /// How long the nodes may take to find each other, or to be gone.
 const GATHERING: Duration = Duration::from_secs(10);
@@ -71,15 +73,6 @@ pub(crate) struct Stage {
     sessions: Vec<String>,
 }
 
-struct Recording {
-    recorder: RunningRecorder,
-    file: String,
-    /// In lockstep the recorder counts time in this period, so another one needs another file.
-    period: u64,
-    /// When the file's first message came: in real time a session's seconds count from there.
-    first: Option<Stamp>,
-}
-
 impl Stage {
     /// Joins two sessions over loopback, as the demo does, for trials whose files go into `folder`.
     pub(crate) fn open(blueprint: &Blueprint, folder: PathBuf) -> anyhow::Result<Self> {
@@ -115,44 +108,6 @@ impl Stage {
     /// The session files, relative to the run's folder.
     pub(crate) fn sessions(&self) -> &[String] {
         &self.sessions
-    }
-
-    /// Has a recorder at work that can record the task; a new file is called `next`.
-    pub(crate) fn record(&mut self, blueprint: &Blueprint, next: impl FnOnce() -> String) -> anyhow::Result<()> {
-        let period = blueprint.timing().period;
-        if self
-            .recording
-            .as_ref()
-            .is_some_and(|recording| recording.period == period)
-        {
-            return Ok(());
-        }
-        self.close_recording()?;
-        let file = next();
-        let mut configuration = blueprint.configuration().clone();
-        configuration.recorder.path = self.folder.join(&file).display().to_string();
-        let parts = Parts::new(configuration, None)?;
-        let sinks = parts.sinks()?;
-        let recorder = parts.recorder(&self.edge, sinks)?;
-        self.sessions.push(file.clone());
-        self.recording = Some(Recording {
-            recorder,
-            file,
-            period,
-            first: None,
-        });
-        Ok(())
-    }
-
-    fn close_recording(&mut self) -> anyhow::Result<()> {
-        if let Some(recording) = self.recording.take() {
-            let closed = recording.recorder.stop()?;
-            self.messages_lost += lost(&closed);
-            // In lockstep time begins anew in a new file.
-            self.next_tick = 0;
-            self.settle(&[NodeName::Recorder])?;
-        }
-        Ok(())
     }
 
     /// Ends the recorder and the sessions: what was heard is in the files.
@@ -236,11 +191,6 @@ impl Stage {
             session,
             began_s,
         })
-    }
-
-    fn first_message(&self) -> Stamp {
-        let first = self.recording.as_ref().and_then(|recording| recording.first);
-        first.unwrap_or(Stamp(0))
     }
 
     fn start(&self, parts: &Parts, wishes: &Wishes) -> anyhow::Result<Vec<(NodeName, Running)>> {

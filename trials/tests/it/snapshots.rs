@@ -8,7 +8,7 @@ use crate::support::{model, replanning_model};
 use proptest::prelude::*;
 use tandem_cesn::Model;
 use tandem_operator::SourceKind;
-use tandem_trials::world::Said;
+use tandem_trials::world::{Said, Seat};
 use tandem_trials::{Blueprint, Configuration, Player, World};
 use tandem_wire::{
     Happening, Input, Malformed, Node, NodeName, Outbox, Ports, SECOND, Session, Stamp, Topic, Trial, restore, snapshot,
@@ -30,8 +30,7 @@ fn input(happening: &Happening) -> Input<'_> {
 
 /// A node that misses some of what it is told, and a record of the rest.
 struct Faulty<N: Node> {
-    node: N,
-    outbox: Outbox<N::Output>,
+    seat: Seat<N>,
     script: Arc<Mutex<Script>>,
     lottery: u64,
     loss_percent: u64,
@@ -41,8 +40,7 @@ impl<N: Ports> Faulty<N> {
     fn new(node: N, seed: u64, loss_percent: u64) -> (Box<Self>, Arc<Mutex<Script>>) {
         let script = Arc::default();
         let faulty = Self {
-            node,
-            outbox: Outbox::default(),
+            seat: Seat::new(node),
             script: Arc::clone(&script),
             lottery: seed,
             loss_percent,
@@ -62,15 +60,15 @@ where
     N::Output: Send,
 {
     fn name(&self) -> NodeName {
-        N::NAME
+        self.seat.name()
     }
 
     fn hears(&self, topic: Topic) -> bool {
-        N::INPUTS.contains(&topic)
+        self.seat.hears(topic)
     }
 
     fn deadline(&self) -> Option<Stamp> {
-        self.node.deadline()
+        self.seat.deadline()
     }
 
     fn take(&mut self, now: Stamp, input: Input<'_>, said: &mut Said) {
@@ -81,8 +79,7 @@ where
             .lock()
             .expect("one thread")
             .push((now, Happening::from(input)));
-        self.node.step(now, N::event(input), &mut self.outbox);
-        said.extend(samples::<N>(&mut self.outbox));
+        self.seat.take(now, input, said);
     }
 }
 

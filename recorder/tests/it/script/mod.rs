@@ -22,6 +22,7 @@ const _: () = assert!(TOOL_FRAME as usize == LINKS);
 const SILENCE: std::ops::Range<u32> = 62..68;
 
 /// One sample as it travels, and when it arrives.
+#[derive(Clone)]
 pub(crate) struct Sample {
     pub(crate) at: Stamp,
     pub(crate) topic: Topic,

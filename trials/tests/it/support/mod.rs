@@ -1,7 +1,5 @@
 //! A configuration in lockstep, a model of the shipped task, and when a trial is over.
 
-#![allow(dead_code, reason = "no test needs all of it")]
-
 use tandem_cesn::{Demonstration, Model, Settings};
 use tandem_link::config::PaceName;
 use tandem_trials::Configuration;

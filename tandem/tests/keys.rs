@@ -1,0 +1,247 @@
+//! `tandem keys` and its friends as a person at a shell meets them: what is printed, what is refused, how it ends.
+
+#![cfg(unix)]
+
+mod process;
+
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use process::Process;
+use serde_json::Value;
+use tandem_link::net::free_port;
+use tandem_link::{Link, LinkError, LinkSettings, Observer, Sighting};
+use tandem_wire::{Pace, Topic};
+
+const LIMIT: Duration = Duration::from_secs(30);
+
+/// A folder in which commands are run, with a site "lab".
+struct Desk(tempfile::TempDir);
+
+impl Desk {
+    fn new() -> Self {
+        let desk = Self(tempfile::tempdir().expect("a folder"));
+        let (code, said, _) = desk.run(&["keys", "new", "--site", "lab", "--out", &desk.path("lab")]);
+        assert_eq!(code, Some(0), "{said}");
+        desk
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.0.path().join(name).to_str().expect("a plain path").to_owned()
+    }
+
+    /// Exit code, standard output, standard error.
+    fn run(&self, arguments: &[&str]) -> (Option<i32>, String, String) {
+        let output = Process::output(arguments);
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (output.status.code(), text(&output.stdout), text(&output.stderr))
+    }
+
+    fn on_site(&self, arguments: &[&str]) -> (Option<i32>, String, String) {
+        self.run(&[arguments, &["--site", &self.path("lab")]].concat())
+    }
+
+    fn json(&self, arguments: &[&str]) -> (Option<i32>, Value) {
+        let (code, said, why) = self.on_site(arguments);
+        (
+            code,
+            serde_json::from_str(&said).unwrap_or_else(|_| panic!("{said}{why}")),
+        )
+    }
+}
+
+#[test]
+fn a_site_is_made_shown_added_to_and_never_overwritten() {
+    let desk = Desk::new();
+    let (code, _, why) = desk.run(&["keys", "new", "--site", "lab", "--out", &desk.path("lab")]);
+    assert_eq!(code, Some(1));
+    assert!(why.contains("never overwritten"), "{why}");
+    let (code, said, _) = desk.on_site(&["keys", "issue", "operator", "--name", "anna", "--robots", "left,right"]);
+    assert!(
+        code == Some(0) && said.contains("anna is operator of left, right"),
+        "{said}"
+    );
+    let (code, shown) = desk.json(&["keys", "show", "--json"]);
+    assert_eq!(code, Some(0));
+    let members = shown["members"].as_array().expect("members");
+    let roles: Vec<&str> = members.iter().filter_map(|member| member["role"].as_str()).collect();
+    let all = [
+        "operator",
+        "predictor",
+        "arbiter",
+        "robot-sim",
+        "recorder",
+        "viewer",
+        "router",
+        "operator",
+    ];
+    assert_eq!(roles, all);
+    assert!(
+        members.iter().all(|member| member["condition"] == "good"
+            && member["fingerprint"].as_str().is_some_and(|text| text.len() == 64))
+    );
+    assert_ne!(
+        members[2]["common_name"], members[3]["common_name"],
+        "arbiter and robot are told apart"
+    );
+    for (arguments, words) in [
+        (&["keys", "issue", "king"][..], "is no role"),
+        (
+            &["keys", "issue", "operator", "--name", "a/b"],
+            "cannot name a site or a member",
+        ),
+        (
+            &["keys", "issue", "operator", "--name", "ca"],
+            "cannot name a site or a member",
+        ),
+        (
+            &["keys", "issue", "viewer", "--name", "v", "--days", "0"],
+            "0 is not in 1..=3650",
+        ),
+    ] {
+        let (code, _, why) = desk.on_site(arguments);
+        assert_eq!(code, Some(2), "{why}");
+        assert!(why.contains(words), "{why}");
+    }
+    let (code, _, why) = desk.on_site(&["keys", "issue", "operator", "--name", "b", "--robots", "a*"]);
+    assert!(code == Some(1) && why.contains("cannot name a robot"), "{why}");
+}
+
+#[test]
+fn a_key_that_others_can_read_and_a_folder_that_lacks_a_file_are_refused_like_ssh_does() {
+    let desk = Desk::new();
+    let key = PathBuf::from(desk.path("lab/operator.key"));
+    std::fs::set_permissions(&key, std::fs::Permissions::from_mode(0o644)).expect("chmod");
+    let (code, _, why) = desk.on_site(&["operator", "--connect", "tcp/127.0.0.1:9"]);
+    assert_eq!(code, Some(1));
+    assert!(
+        why.contains("permissions 0644") && why.contains("too open") && why.contains("chmod 600"),
+        "{why}"
+    );
+    assert_eq!(desk.on_site(&["keys", "show"]).0, Some(1));
+    let (code, told) = desk.json(&["doctor", "--json", "--connect", "tcp/127.0.0.1:9"]);
+    assert!(code == Some(1) && told["ok"] == false, "{told}");
+    let findings = told["checks"].as_array().expect("checks");
+    let bad: Vec<&Value> = findings.iter().filter(|check| check["verdict"] == "bad").collect();
+    assert!(
+        bad.iter()
+            .any(|check| check["todo"].as_str().is_some_and(|todo| todo.contains("chmod 600"))),
+        "{bad:?}"
+    );
+    assert!(
+        bad.iter().all(|check| check["todo"].is_string()),
+        "each says what to do: {bad:?}"
+    );
+
+    std::fs::remove_file(&key).expect("removed");
+    let (code, _, why) = desk.on_site(&["operator", "--member", "operator"]);
+    assert!(code == Some(1) && why.contains("operator.key is missing"), "{why}");
+    let (code, _, why) = desk.run(&["arbiter", "--site", &desk.path("nowhere")]);
+    assert!(code == Some(2) && why.contains("tandem keys new"), "{why}");
+}
+
+#[test]
+fn nothing_listens_beyond_this_machine_without_certificates_wherever_it_is_written() {
+    let desk = Desk::new();
+    let config = desk.path("tandem.toml");
+    for endpoint in ["tcp/0.0.0.0:7447", "tcp/[::]:7447", "udp/192.0.2.1:7447"] {
+        std::fs::write(&config, format!("[link]\nlisten = [{endpoint:?}]\n")).expect("written");
+        for node in ["robot-sim", "arbiter", "router"] {
+            let (code, _, why) = desk.run(&[node, "--config", &config]);
+            assert_eq!(code, Some(2), "{node}: {why}");
+            assert!(why.contains("refusing to listen") && why.contains("--site"), "{why}");
+        }
+    }
+    let (code, _, why) = desk.on_site(&["operator", "--listen", "tcp/127.0.0.1:7447"]);
+    assert!(code == Some(2) && why.contains("may not listen"), "{why}");
+}
+
+#[test]
+fn what_zenoh_is_told_denies_by_default_and_names_no_secret() {
+    let desk = Desk::new();
+    let (code, told) = desk.json(&["keys", "config", "router", "--listen", "tcp/0.0.0.0:7447"]);
+    assert_eq!(code, Some(0));
+    assert_eq!(told["access_control"]["default_permission"], "deny");
+    assert_eq!(told["transport"]["link"]["tls"]["enable_mtls"], true);
+    assert_eq!(told["transport"]["link"]["tls"]["verify_name_on_connect"], true);
+    assert_eq!(told["listen"]["endpoints"][0], "tls/0.0.0.0:7447");
+    assert!(!told.to_string().contains("PRIVATE KEY"));
+    let (_, told) = desk.json(&["keys", "config", "viewer"]);
+    assert_eq!(told["mode"], "client");
+}
+
+fn link(site: &Path, port: u16, member: &str) -> Result<Link, LinkError> {
+    Link::open(&LinkSettings {
+        site: site.to_str().expect("a plain path").into(),
+        connect: vec![format!("tcp/127.0.0.1:{port}")],
+        member: member.into(),
+        ..LinkSettings::default()
+    })
+}
+
+/// Says a command as `speaker` and an emergency stop as `viewer` again and again. Whether the command is heard, or only the
+/// emergency stop in twenty rounds in which both were connected.
+fn is_heard(speaker: &Link, viewer: &Link, observer: &Observer, patience: u32) -> bool {
+    let limit = Instant::now() + LIMIT;
+    let mut rounds = 0;
+    while rounds < patience {
+        assert!(Instant::now() < limit, "the viewer itself is heard through the router");
+        speaker.publish(Topic::Command, b"x".to_vec()).expect("published");
+        viewer.publish(Topic::Emergency, b"x".to_vec()).expect("published");
+        let mut through = false;
+        while let Some(sighting) = observer.next(Duration::from_millis(50)) {
+            match sighting {
+                Sighting::Sample {
+                    topic: Topic::Command, ..
+                } => return true,
+                Sighting::Sample {
+                    topic: Topic::Emergency,
+                    ..
+                } => through = true,
+                _ => {}
+            }
+        }
+        rounds += u32::from(through && speaker.is_connected());
+    }
+    false
+}
+
+#[test]
+fn a_router_at_work_takes_a_revocation_up_and_the_others_come_back() {
+    let desk = Desk::new();
+    let port = free_port().expect("a port");
+    let endpoint = format!("tcp/127.0.0.1:{port}");
+    let (code, _, why) = desk.on_site(&["keys", "copy", "operator", "--out", &desk.path("laptop")]);
+    assert_eq!(code, Some(0), "{why}");
+    let lab = PathBuf::from(desk.path("lab"));
+    let laptop = PathBuf::from(desk.path("laptop"));
+    let router = Process::start(&["router", "--site", &desk.path("lab"), "--listen", &endpoint]);
+    let viewer = link(&lab, port, "viewer").expect("the router answers");
+    let observer = Observer::new(&viewer, Pace::Real).expect("an observer");
+    let operator = link(&laptop, port, "operator").expect("it is let in");
+    assert!(is_heard(&operator, &viewer, &observer, u32::MAX));
+
+    let (code, said, why) = desk.on_site(&["keys", "revoke", "operator", "--why", "laptop lost"]);
+    assert!(
+        code == Some(0) && said.contains("every machine that listens"),
+        "{said}{why}"
+    );
+    let limit = Instant::now() + LIMIT;
+    let refused = loop {
+        assert!(Instant::now() < limit, "the router takes it up");
+        match link(&laptop, port, "operator") {
+            Err(why) => break why.to_string(),
+            Ok(link) => link.close(),
+        }
+    };
+    assert!(
+        refused.contains("revoked on") && refused.contains("laptop lost"),
+        "{refused}"
+    );
+    // The session that was there before comes back as everybody's does, and is not heard.
+    assert!(!is_heard(&operator, &viewer, &observer, 20));
+    operator.close();
+    viewer.close();
+    assert_eq!(router.end(), Some(0));
+}
