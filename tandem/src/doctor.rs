@@ -87,7 +87,7 @@ pub(crate) fn run(flags: &DoctorFlags) -> anyhow::Result<Outcome> {
         Ok(reach) => {
             findings.tell(machine::ports(&reach));
             findings.tell(peers::doors(&reach));
-            findings.tell(peers::nodes(&configuration, &reach, flags.node.robot()));
+            findings.tell(peers::nodes(settings, &reach, flags.node.robot()));
         }
     }
     findings.tell([clock()]);

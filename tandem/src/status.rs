@@ -3,6 +3,8 @@
 mod show;
 mod tally;
 
+pub(crate) use tally::{Robot, skew_words, worst_skew};
+
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::io::IsTerminal as _;
@@ -19,7 +21,6 @@ use tandem_wire::{Nanos, NodeName, Stamp, Topic};
 
 use crate::nodes::{self, NodeFlags};
 use crate::{Outcome, interrupt};
-use tally::Robot;
 
 /// How long one look watches before it tells.
 const LOOK: Duration = Duration::from_secs(2);

@@ -4,20 +4,19 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::bounded;
-use tandem_link::{ClockSettings, Link, LinkError, LinkSettings, Network, Reach, measure_clocks};
-use tandem_trials::Configuration;
-use tandem_wire::{Envelope, NodeInfo, NodeName, PeerClock, RobotName, Topic, seconds};
+use tandem_link::{Link, LinkError, LinkSettings, Network, Reach};
+use tandem_wire::{Envelope, NodeInfo, NodeName, RobotName, Topic};
 
 use super::check::Check;
 use crate::BUILD;
+use crate::status::{Robot, skew_words, worst_skew};
 
 /// How long whoever listens may take to let us in.
 const DIAL: Duration = Duration::from_secs(5);
 /// How long nodes have to show themselves.
 const PRESENCE: Duration = Duration::from_millis(1500);
-/// Clocks are compared by so many pings, and so often.
-const PINGS: u32 = 8;
-const PING_EVERY: Duration = Duration::from_millis(100);
+/// Nodes tell of clocks once a second.
+const CLOCKS: Duration = Duration::from_millis(2500);
 /// How long a node may take to say who it is.
 const ANSWER: Duration = Duration::from_secs(3);
 
@@ -57,14 +56,14 @@ fn advice(why: &tandem_site::Knock) -> &'static str {
 }
 
 /// Who is there, and whether all were made from the same wire.
-pub(super) fn nodes(configuration: &Configuration, reach: &Reach, named: Option<&str>) -> Vec<Check> {
+pub(super) fn nodes(settings: &LinkSettings, reach: &Reach, named: Option<&str>) -> Vec<Check> {
     if reach.connect.is_empty() {
         return vec![Check::skipped(
             "nodes",
             "this machine listens and dials nobody: look from another one",
         )];
     }
-    let link = match open(&configuration.link, reach) {
+    let link = match open(settings, reach) {
         Ok(Some(link)) => link,
         Ok(None) => return vec![Check::skipped("nodes", "nobody lets us in, so nobody can be asked")],
         Err(why) => {
@@ -82,10 +81,7 @@ pub(super) fn nodes(configuration: &Configuration, reach: &Reach, named: Option<
         )],
         Ok(found) => found
             .iter()
-            .flat_map(|(robot, nodes)| {
-                let checks = robot_checks(&link, robot, nodes);
-                checks.into_iter().chain(clocks(&link, robot, &configuration.clock))
-            })
+            .flat_map(|(robot, nodes)| robot_checks(&link, robot, nodes, reach))
             .collect(),
     };
     link.close();
@@ -121,7 +117,7 @@ fn present(link: &Link, named: Option<&str>, reach: &Reach) -> Result<Vec<(Robot
     Ok(found.into_values().collect())
 }
 
-fn robot_checks(link: &Link, robot: &RobotName, nodes: &[NodeName]) -> Vec<Check> {
+fn robot_checks(link: &Link, robot: &RobotName, nodes: &[NodeName], reach: &Reach) -> Vec<Check> {
     let mut checks = Vec::new();
     let missing: Vec<&str> = NodeName::ALL
         .iter()
@@ -147,29 +143,50 @@ fn robot_checks(link: &Link, robot: &RobotName, nodes: &[NodeName]) -> Vec<Check
             Some(Envelope { body, .. }) => version(robot, *node, &body),
         });
     }
+    checks.push(clocks(link, robot, reach));
     checks
 }
 
-/// How far the way to each node is, and whether its wall clock agrees with this machine's.
-fn clocks(link: &Link, robot: &RobotName, settings: &ClockSettings) -> Vec<Check> {
-    let peers = measure_clocks(link, robot, settings, PINGS, PING_EVERY);
-    peers.iter().map(|peer| clock(robot, peer)).collect()
-}
-
-fn clock(robot: &RobotName, peer: &PeerClock) -> Check {
-    let says = format!(
-        "{robot}: to {} and back {:.2} ms at best, {:.2} ms at worst; its wall clock is {:+.2} ± {:.2} ms from this one's",
-        peer.node,
-        seconds(peer.round_trip) * 1e3,
-        seconds(peer.round_trip_worst) * 1e3,
-        peer.skew as f64 * 1e-6,
-        seconds(peer.uncertainty) * 1e3,
-    );
-    if peer.is_skewed {
-        let todo = "run chrony or systemd-timesyncd on both; times in files and logs go by it, motion does not";
-        return Check::worth("clocks", says, todo);
+/// How far apart the wall clocks of a robot's nodes are, by their own word.
+fn clocks(link: &Link, robot: &RobotName, reach: &Reach) -> Check {
+    let role = reach.secured.as_ref().map(|secured| secured.identity.member.role);
+    if role.is_some_and(|role| !tandem_site::policy::hears_all(role)) {
+        return Check::skipped(
+            "clocks",
+            "only a recorder's or viewer's certificate hears what nodes know of clocks",
+        );
     }
-    Check::good("clocks", says)
+    let topics = NodeName::ALL.map(Topic::Clock);
+    let Ok(network) = Network::watch(link, &[robot.to_string()], &topics) else {
+        return Check::skipped("clocks", format!("{robot}: nothing is heard of clocks"));
+    };
+    let (mut told, until) = (Robot::default(), Instant::now() + CLOCKS);
+    while let Some(left) = until.checked_duration_since(Instant::now()) {
+        if let Some(noticed) = network
+            .next(left)
+            .filter(|noticed| matches!(noticed.topic, Topic::Clock(_)))
+        {
+            told.hear(noticed.at, noticed.topic, &noticed.bytes);
+        }
+    }
+    match worst_skew(&told.clocks) {
+        None => Check::skipped(
+            "clocks",
+            format!("{robot}: no node says anything of the others' clocks"),
+        ),
+        Some((reporter, peer)) if peer.is_skewed => Check::worth(
+            "clocks",
+            format!(
+                "{robot}: wall clocks are too far apart, {}",
+                skew_words(reporter, &peer)
+            ),
+            "run chrony or systemd-timesyncd on both machines; files go by wall clocks, motion does not",
+        ),
+        Some((reporter, peer)) => Check::good(
+            "clocks",
+            format!("{robot}: wall clocks agree, at worst {}", skew_words(reporter, &peer)),
+        ),
+    }
 }
 
 /// Whether a node understands what this program says.

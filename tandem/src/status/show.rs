@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 use tandem_recorder::{Basis, HopBudget};
 use tandem_wire::{Motion, Nanos, NodeName, Refusals, State, Topic, seconds};
 
-use super::tally::{Robot, STREAMS};
+use super::tally::{Robot, STREAMS, skew_words, worst_skew};
 
 /// One robot, in a few lines; rates of what may be heard.
 pub(super) fn text(name: &str, robot: &Robot, heard: &[Topic], watched: Nanos) -> String {
@@ -39,7 +39,10 @@ pub(super) fn text(name: &str, robot: &Robot, heard: &[Topic], watched: Nanos) -
         },
     ));
     rows.extend(robot.budget.hops().iter().map(|hop| ("hop", hop_row(hop))));
-    rows.extend(skews(robot).into_iter().map(|row| ("clock", row)));
+    if let Some((reporter, peer)) = worst_skew(&robot.clocks) {
+        let apart = if peer.is_skewed { "TOO FAR APART: " } else { "" };
+        rows.push(("clocks", format!("{apart}at worst {}", skew_words(reporter, &peer))));
+    }
     let (arbiter, own) = robot.refused();
     if arbiter.count + own.count + robot.unreadable > 0 {
         rows.push((
@@ -73,23 +76,6 @@ fn hop_row(hop: &HopBudget) -> String {
         "{:<25} p50 {p50:>7.2}  p95 {p95:>7.2}  p99 {p99:>7.2} ms  {by}",
         hop.hop.words()
     )
-}
-
-/// Wall clocks that disagree, each pair once.
-fn skews(robot: &Robot) -> Vec<String> {
-    let offsets = robot.budget.offsets();
-    let skewed = offsets
-        .iter()
-        .filter(|offset| offset.peer.is_skewed && offset.observer < offset.peer.node);
-    skewed
-        .map(|offset| {
-            let apart = offset.peer.skew as f64 * 1e-6;
-            format!(
-                "{}'s wall clock is {apart:+.1} ms from {}'s",
-                offset.peer.node, offset.observer
-            )
-        })
-        .collect()
 }
 
 fn nodes(robot: &Robot) -> String {
@@ -181,7 +167,10 @@ pub(super) fn json(name: &str, robot: &Robot, heard: &[Topic], watched: Nanos) -
         "streams": Value::Object(rates.collect()),
         "loop_ms": robot.turn().map(|turn| json!({ "p50": turn.p50_ms, "p99": turn.p99_ms, "worst": turn.worst_ms })),
         "hops": robot.budget.hops().iter().map(hop_json).collect::<Vec<_>>(),
-        "skews": skews(robot),
+        "clocks": robot.clocks.iter().flat_map(|(node, report)| report.peers.iter().map(|peer| json!({
+            "from": node.as_str(), "to": peer.node.as_str(), "skew_ns": peer.skew, "uncertainty_ns": peer.uncertainty,
+            "round_trip_ns": peer.round_trip_median, "is_skewed": peer.is_skewed,
+        }))).collect::<Vec<_>>(),
         "dropped": { "arbiter": dropped(arbiter), "robot": dropped(own), "unreadable_here": robot.unreadable },
         "recording": robot.storage.map(|storage| json!({
             "says": storage.to_string(), "dropped": storage.dropped,

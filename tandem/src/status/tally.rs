@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use tandem_recorder::{Budget, Sample};
 use tandem_wire::{
-    Command, MessageId, Nanos, NodeName, Proposal, Refusals, SECOND, Setpoint, Stamp, State, Storage, Topic, codec,
-    decode,
+    ClockReport, Command, MessageId, Nanos, NodeName, PeerClock, Proposal, Refusals, SECOND, Setpoint, Stamp, State,
+    Storage, Topic, codec, decode,
 };
 
 /// Rates and latencies are those of so long a time.
@@ -27,6 +27,8 @@ pub(crate) struct Robot {
     pub(crate) setpoint: Option<(Stamp, Setpoint)>,
     /// The recorder's newest word.
     pub(crate) storage: Option<Storage>,
+    /// What each node knows of the others' clocks.
+    pub(crate) clocks: BTreeMap<NodeName, ClockReport>,
     /// Messages that could not be read.
     pub(crate) unreadable: u64,
     streams: BTreeMap<Topic, Stream>,
@@ -127,6 +129,9 @@ impl Robot {
                 }
             }),
             Topic::Proposal => decode::<Proposal>(bytes).map(drop),
+            Topic::Clock(node) => {
+                decode::<ClockReport>(bytes).map(|report| drop(self.clocks.insert(node, report.body)))
+            }
             Topic::Storage => decode::<Storage>(bytes).map(|storage| self.storage = Some(storage.body)),
             _ => return,
         };
@@ -201,6 +206,26 @@ impl Robot {
         let robot = self.state.map(|(_, state)| state.refused).unwrap_or_default();
         (arbiter, robot)
     }
+}
+
+/// The pair of nodes whose wall clocks are furthest apart, and the reporter of the two.
+pub(crate) fn worst_skew(clocks: &BTreeMap<NodeName, ClockReport>) -> Option<(NodeName, PeerClock)> {
+    let pairs = clocks
+        .iter()
+        .flat_map(|(node, report)| report.peers.iter().map(|peer| (*node, *peer)));
+    pairs.max_by_key(|(_, peer)| peer.skew.unsigned_abs())
+}
+
+/// Such a pair in words.
+pub(crate) fn skew_words(reporter: NodeName, peer: &PeerClock) -> String {
+    let millis = |nanos: u64| tandem_wire::seconds(nanos) * 1e3;
+    format!(
+        "{:.1} ms ± {:.1} between {reporter} and {}, round trip {:.1} ms",
+        millis(peer.skew.unsigned_abs()),
+        millis(peer.uncertainty),
+        peer.node,
+        millis(peer.round_trip_median),
+    )
 }
 
 #[cfg(test)]

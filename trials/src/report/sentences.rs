@@ -5,7 +5,7 @@ use super::quantities::{Better, QUANTITIES, Quantity, rounded};
 use super::{ALL, Report};
 
 /// Below this, a difference is called one.
-const LEVEL: f64 = 0.05;
+pub(super) const LEVEL: f64 = 0.05;
 
 pub(super) fn quantity(key: &str) -> Option<&'static Quantity> {
     QUANTITIES.iter().find(|quantity| quantity.key == key)

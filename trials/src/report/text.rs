@@ -1,8 +1,9 @@
 //! The report for a terminal.
 
-use super::Report;
+use super::comparison::Comparison;
 use super::quantities::{EFFORT, QUANTITIES};
-use super::sentences::{STEPS_ARE_NOT_INDEPENDENT, group_name};
+use super::sentences::{LEVEL, STEPS_ARE_NOT_INDEPENDENT, group_name};
+use super::{ALL, Report};
 
 /// What a terminal's table shows of each condition.
 const COLUMNS: [&str; 5] = [
@@ -12,6 +13,9 @@ const COLUMNS: [&str; 5] = [
     "tracking_forecast_mean_m",
     "min_clearance_m",
 ];
+
+/// Of so many conditions every comparison is told; of more, only what was found.
+const FEW: usize = 3;
 
 impl Report {
     /// The report as text for a terminal: figures per condition, then what the tests mean.
@@ -24,17 +28,15 @@ impl Report {
             parts.push(format!("Bad lines on purpose:\n{}", lines.join("\n")));
         }
         parts.extend(self.groups.iter().map(|group| self.conditions_text(group)));
-        let paired: Vec<String> = self
-            .comparisons
-            .iter()
-            .map(|one| format!("  {}", self.meaning(one)))
-            .collect();
+        let paired = self.paired_lines();
         if !paired.is_empty() {
             parts.push(format!("Paired tests, one value per trial:\n{}", paired.join("\n")));
         }
+        let many = self.setup.conditions.len() > FEW;
         let steps: Vec<String> = self
             .comparisons
             .iter()
+            .filter(|one| !many || one.group == ALL)
             .filter_map(|one| Some(format!("  {}", self.steps_meaning(one, one.steps.as_ref()?))))
             .collect();
         if !steps.is_empty() {
@@ -47,6 +49,31 @@ impl Report {
         let unreadable = self.setup.unreadable.iter().map(|why| format!("not read: {why}"));
         parts.extend(unreadable);
         parts.join("\n\n")
+    }
+
+    /// A sentence for each comparison; of many conditions, under each of them those that found something.
+    fn paired_lines(&self) -> Vec<String> {
+        let told = |one: &Comparison| format!("  {}", self.meaning(one));
+        if self.setup.conditions.len() <= FEW {
+            return self.comparisons.iter().map(told).collect();
+        }
+        let mut lines = Vec::new();
+        for (condition, label) in &self.setup.conditions {
+            let against = self.comparisons.iter().filter(|one| one.second == *condition);
+            let (found, rest): (Vec<_>, Vec<_>) = against.partition(|one| one.holm_p.is_some_and(|p| p < LEVEL));
+            if found.is_empty() && rest.is_empty() {
+                continue;
+            }
+            lines.push(format!("  {} against {label}:", self.label(&self.setup.reference)));
+            lines.extend(found.into_iter().map(|one| format!("  {}", told(one))));
+            if !rest.is_empty() {
+                let count = rest.len();
+                lines.push(format!(
+                    "    In {count} comparisons chance explains as much, or nothing can be tested: see the page."
+                ));
+            }
+        }
+        lines
     }
 
     fn conditions_text(&self, group: &str) -> String {

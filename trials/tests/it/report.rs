@@ -298,3 +298,31 @@ fn quantities_are_shown_with_their_unit_and_an_honest_sign() {
     assert_eq!(effort.shown(-0.00001), "0.0");
     assert_eq!(effort.shown(-0.0012), "−1.2");
 }
+
+#[test]
+fn of_many_conditions_each_tells_what_was_found_and_counts_the_rest() {
+    let mut cases = paper_like();
+    for context in 0..14_u32 {
+        let group = if context < 10 { "interpolated" } else { "extrapolated" };
+        let base = 0.1 + 0.003 * f64::from(context);
+        for (order, condition) in ["human", "robot"].into_iter().enumerate() {
+            let number = 29 + 14 * u32::try_from(order).expect("two") + context;
+            let efforts = [base, base + 0.01, base - 0.02];
+            cases.push(case(number, condition, &format!("c{context}"), group, &efforts, 1.0));
+        }
+    }
+    let text = report(cases).text();
+    for condition in ["fixed", "human", "robot"] {
+        assert_eq!(
+            text.matches(&format!("  adaptive against {condition}:\n")).count(),
+            1,
+            "{text}"
+        );
+    }
+    assert_eq!(text.matches("comparisons chance explains as much").count(), 3, "{text}");
+    let sentences = text.lines().filter(|line| line.contains("after Holm)"));
+    assert!(
+        sentences.clone().count() > 0 && sentences.clone().all(|line| line.contains("more than chance")),
+        "{text}"
+    );
+}
