@@ -4,7 +4,7 @@ import json
 import statistics
 import time
 
-from faults import MATRIX
+from faults import CONTROL, MATRIX, STOPS
 
 MARK = ("<!-- lab/run writes from here -->", "<!-- to here -->")
 
@@ -37,13 +37,14 @@ def merged(path, row):
 
 def cells(row):
     share = f"{100 * row['setpoints_missed']:.1f} %"
+    stops = row["expects"] == STOPS
     others = f"{60 * row['other_stops'] / max(1.0, row['driven_s']):.1f}"
     return [
         row["name"],
         row["promise"],
         str(row["repetitions"]),
-        pair(row["begins_ms"], ".0f"),
-        pair(row["rests_ms"], ".0f"),
+        pair(row["begins_ms"] if stops else [], ".0f"),
+        pair(row["rests_ms"] if stops else [], ".0f"),
         share,
         others,
         pair(row["recovers_s"], ".1f"),
@@ -68,8 +69,9 @@ def markdown(rows):
     out = []
     for group in MATRIX:
         order = [fault.name for fault in MATRIX[group]]
+        shown = [row for row in rows if "begins_ms" in row and row["promise"] != CONTROL]
         members = sorted(
-            (row for row in rows if row["group"] == group and "begins_ms" in row and row["name"] in order),
+            (row for row in shown if row["group"] == group and row["name"] in order),
             key=lambda row: order.index(row["name"]),
         )
         if not members:

@@ -80,6 +80,7 @@ def main():
     options = parser.parse_args()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     link, watch = Link(options, ("command", "proposal", "setpoint", "state", "scene")), Watch()
+    print(f"watch: watching robot {options.robot!r}", file=sys.stderr, flush=True)
     end = time.monotonic() + options.until_goal if options.until_goal else None
     try:
         while (end is None or time.monotonic() < end) and not (end and watch.is_at_goal()):

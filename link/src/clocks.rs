@@ -211,7 +211,7 @@ impl Keeper {
 fn ping(session: &zenoh::Session, robot: &RobotName, sender: &Sender<Event>) {
     let clock = Clock::of_process();
     let get = session
-        .get(format!("{}/{robot}/ping/*", keys::ROOT))
+        .get(format!("{}/{robot}/{}", keys::ROOT, keys::PINGS))
         .target(QueryTarget::All)
         .consolidation(ConsolidationMode::None)
         .timeout(TIMEOUT)

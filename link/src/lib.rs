@@ -43,6 +43,7 @@ pub mod run;
 mod running;
 mod spool;
 mod verdict;
+pub mod yardstick;
 
 pub use arrival::Arrival;
 pub use clock::{Clock, fresh_session};

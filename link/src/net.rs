@@ -15,6 +15,14 @@ use crate::config::LinkSettings;
 use crate::reach::Reach;
 use crate::verdict;
 
+/// The variable of the environment, and what a program had better put into it before its first session, if it is not set:
+/// one thread receives and works on what it receives, instead of handing each message to another. On two cores the
+/// median of a message's way is shorter by a quarter or more (docs/figures-network.md).
+pub const ZENOH_THREADS: (&str, &str) = (
+    "ZENOH_RUNTIME",
+    "(rx: (worker_threads: 1), app: (handover: rx), acc: (handover: app))",
+);
+
 /// How often a free port is looked for before giving up: another process may take it in between.
 const PORT_TRIES: usize = 8;
 

@@ -209,7 +209,7 @@ fn two_nodes_in_one_process_find_their_clocks_together_within_the_uncertainty() 
         assert!(peer.offset.unsigned_abs() <= peer.uncertainty, "{peer:?}");
         assert!(peer.round_trip > 0 && peer.samples > 0 && !peer.is_skewed, "{peer:?}");
     }
-    let seen = measure_clocks(&edge, &ClockSettings::default(), 5, Duration::from_millis(100));
+    let seen = measure_clocks(&edge, &robot, &ClockSettings::default(), 5, Duration::from_millis(100));
     assert_eq!(seen.len(), 2, "{seen:?}");
     assert!(
         seen.iter().all(|peer| peer.offset.unsigned_abs() <= peer.uncertainty),

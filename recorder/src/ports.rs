@@ -51,7 +51,7 @@ impl Ports for Recorder {
                     why,
                 }),
             },
-            Input::Sample { topic, bytes } => match sample(topic, bytes) {
+            Input::Sample { topic, bytes } => match Sample::read(topic, bytes) {
                 Ok(sample) => Event::Sample(sample),
                 Err(why) => Event::Unreadable(Unreadable { topic, why }),
             },
@@ -83,24 +83,30 @@ impl Ports for Recorder {
     }
 }
 
-fn sample(topic: Topic, bytes: &[u8]) -> Result<Sample, Malformed> {
-    Ok(match topic {
-        Topic::Command => Sample::Command(decode(bytes)?),
-        Topic::Proposal => Sample::Proposal(decode(bytes)?),
-        Topic::Forecast => Sample::Forecast(decode(bytes)?),
-        Topic::Setpoint => Sample::Setpoint(Box::new(decode(bytes)?)),
-        Topic::State => Sample::State(Box::new(decode(bytes)?)),
-        Topic::Scene => Sample::Scene(decode(bytes)?),
-        Topic::Trial => Sample::Trial(decode(bytes)?),
-        Topic::Journal(node) => Sample::Journal(journal_part(node, bytes)?),
-        Topic::Info(node) => Sample::Info(node, decode(bytes)?),
-        Topic::Lease => Sample::Claim(decode(bytes)?),
-        Topic::Emergency => Sample::Emergency(decode(bytes)?),
-        Topic::Clock(node) => Sample::Clock(node, decode(bytes)?),
-        Topic::Alive(_) | Topic::Device | Topic::Storage | Topic::Ping(_) => {
-            return Err(Malformed::Topic);
-        }
-    })
+impl Sample {
+    /// Reads a message of any topic that a recorder hears.
+    ///
+    /// # Errors
+    /// If it does not follow its layout, or a recorder does not hear the topic.
+    pub fn read(topic: Topic, bytes: &[u8]) -> Result<Self, Malformed> {
+        Ok(match topic {
+            Topic::Command => Self::Command(decode(bytes)?),
+            Topic::Proposal => Self::Proposal(decode(bytes)?),
+            Topic::Forecast => Self::Forecast(decode(bytes)?),
+            Topic::Setpoint => Self::Setpoint(Box::new(decode(bytes)?)),
+            Topic::State => Self::State(Box::new(decode(bytes)?)),
+            Topic::Scene => Self::Scene(decode(bytes)?),
+            Topic::Trial => Self::Trial(decode(bytes)?),
+            Topic::Journal(node) => Self::Journal(journal_part(node, bytes)?),
+            Topic::Info(node) => Self::Info(node, decode(bytes)?),
+            Topic::Lease => Self::Claim(decode(bytes)?),
+            Topic::Emergency => Self::Emergency(decode(bytes)?),
+            Topic::Clock(node) => Self::Clock(node, decode(bytes)?),
+            Topic::Alive(_) | Topic::Device | Topic::Storage | Topic::Ping(_) => {
+                return Err(Malformed::Topic);
+            }
+        })
+    }
 }
 
 /// Reads a batch to see that it is whole, and keeps its bytes: a later execution wants them as they travelled.

@@ -14,13 +14,14 @@
 //! | viewer | | everything |
 //!
 //! of its own robots; besides, everybody may say and hear the emergency stop, hear state and setpoint (which
-//! acknowledge it), see who is there, and ask nodes for their configuration; a node answers for itself and sends its
-//! journal.
+//! acknowledge it), see who is there, ping, and ask nodes for their configuration; a node answers for itself, sends its
+//! journal and says what it knows of the others' clocks.
 
 use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
-use tandem_wire::{NodeName, Topic, keys::ROOT};
+use tandem_wire::keys::{PINGS, ROOT};
+use tandem_wire::{NodeName, Topic};
 
 use crate::{Identity, Member, Robots, Role, Roster, Site};
 
@@ -39,7 +40,13 @@ pub fn says(role: Role) -> Vec<Topic> {
         .node()
         .filter(|node| *node != NodeName::Recorder)
         .map(Topic::Journal);
-    own.iter().copied().chain(journal).chain([Topic::Emergency]).collect()
+    let clock = role.node().map(Topic::Clock);
+    own.iter()
+        .copied()
+        .chain(journal)
+        .chain(clock)
+        .chain([Topic::Emergency])
+        .collect()
 }
 
 /// What a role may subscribe to, besides everything for those who [hear all](hears_all).
@@ -79,7 +86,7 @@ pub fn asks(role: Role) -> Vec<Topic> {
 pub fn answers(role: Role) -> Vec<Topic> {
     let node = role.node();
     node.into_iter()
-        .flat_map(|node| [Topic::Info(node), Topic::Journal(node)])
+        .flat_map(|node| [Topic::Info(node), Topic::Journal(node), Topic::Ping(node)])
         .collect()
 }
 
@@ -98,6 +105,12 @@ fn keys_of(topics: &[Topic], robots: &Robots) -> Vec<String> {
             .collect::<Vec<_>>()
     };
     robots.chunks().flat_map(of_robot).collect()
+}
+
+/// The question that all nodes of some robots answer at once; access control wants it spelled as it is asked.
+fn pings(robots: &Robots) -> Vec<String> {
+    let of_robot = |robot: &str| format!("{ROOT}/{robot}/{PINGS}");
+    robots.chunks().map(of_robot).collect()
 }
 
 /// Everything about some robots, as key expressions.
@@ -129,6 +142,12 @@ impl Collected {
             false => keys_of(&hears(role), robots),
         };
         let alive = role.node().map(|node| keys_of(&[Topic::Alive(node)], robots));
+        let asked = [keys_of(&asks(role), robots), pings(robots)].concat();
+        let answered = keys_of(&answers(role), robots);
+        let questions = match role.node() {
+            Some(_) => [answered.clone(), pings(robots)].concat(),
+            None => answered.clone(),
+        };
         let mut rules = Vec::new();
         let mut add = |what: &str, flow, messages: &[&str], keys: &[String]| {
             if !keys.is_empty() {
@@ -138,15 +157,10 @@ impl Collected {
         add("says", "ingress", &["put"], &keys_of(&says(role), robots));
         add("wants to hear", "ingress", &["declare_subscriber"], &heard);
         add("hears", "egress", &["put"], &heard);
-        add("asks", "ingress", &["query"], &keys_of(&asks(role), robots));
-        add("is answered", "egress", &["reply"], &keys_of(&asks(role), robots));
-        add(
-            "answers",
-            "ingress",
-            &["declare_queryable", "reply"],
-            &keys_of(&answers(role), robots),
-        );
-        add("is asked", "egress", &["query"], &keys_of(&answers(role), robots));
+        add("asks", "ingress", &["query"], &asked);
+        add("is answered", "egress", &["reply"], &asked);
+        add("answers", "ingress", &["declare_queryable", "reply"], &answered);
+        add("is asked", "egress", &["query"], &questions);
         add("is there", "ingress", &["liveliness_token"], &alive.unwrap_or_default());
         self.enter(
             id,

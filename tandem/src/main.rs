@@ -4,6 +4,7 @@
 #[macro_use]
 mod speaking;
 
+mod bench;
 mod configuration;
 mod demo;
 mod doctor;
@@ -97,6 +98,11 @@ enum Subcommands {
     Train(train::TrainFlags),
     /// Prints a model's forecast for a context.
     Forecast(forecast::ForecastFlags),
+    /// Measures latency and load on this machine, over loopback.
+    Bench {
+        #[command(subcommand)]
+        command: bench::BenchCommands,
+    },
     /// Works with the configuration.
     Config {
         #[command(subcommand)]
@@ -123,12 +129,27 @@ pub(crate) enum Outcome {
 }
 
 fn main() -> ExitCode {
+    set_zenoh_threads();
     let code = run();
     if speaking::kept() {
         code
     } else {
         eprintln!("tandem: the output could not be written whole");
         ExitCode::from(1)
+    }
+}
+
+/// Zenoh reads how many threads it shall have from the environment, when the first session opens, and nowhere else. What the
+/// user has set stays.
+#[expect(
+    unsafe_code,
+    reason = "the environment is Zenoh's only door for this, and no thread runs yet that could read it"
+)]
+fn set_zenoh_threads() {
+    let (name, value) = tandem_link::net::ZENOH_THREADS;
+    if std::env::var_os(name).is_none() {
+        // SAFETY: the first thing that `main` does; the process has one thread.
+        unsafe { std::env::set_var(name, value) };
     }
 }
 
@@ -149,6 +170,7 @@ fn run() -> ExitCode {
         Subcommands::WhatIf(flags) => what_if::run(&flags),
         Subcommands::Session { command } => session::run(&command),
         Subcommands::Trial { command } => trial::run(&command),
+        Subcommands::Bench { command } => bench::run(&command),
         Subcommands::Train(flags) => train::run(&flags),
         Subcommands::Forecast(flags) => forecast::run(&flags),
         Subcommands::Config {

@@ -134,8 +134,17 @@ impl Parts {
     }
 
     pub(crate) fn robot_sim(&self, link: &Link) -> anyhow::Result<Running> {
+        self.robot_sim_as(link, |robot| robot)
+    }
+
+    /// A robot inside something that watches it.
+    pub(crate) fn robot_sim_as<N>(&self, link: &Link, wrap: impl FnOnce(RobotSim) -> N) -> anyhow::Result<Running>
+    where
+        N: Ports + Send + 'static,
+        N::Output: Send,
+    {
         let node = self.blueprint.robot_sim().map_err(BadConfiguration::from)?;
-        Ok(spawn(link, node, self.options::<RobotSim>(), |_, _| {})?)
+        Ok(spawn(link, wrap(node), self.options::<N>(), |_, _| {})?)
     }
 }
 

@@ -16,10 +16,12 @@
 
 mod bootstrap;
 mod paired;
+mod rounds;
 mod two_samples;
 
-pub use bootstrap::{Effect, Interval, interval};
+pub use bootstrap::{Effect, Interval, interval, quantile};
 pub use paired::{Differences, PairedT, Permutation, Signed, paired_t, permutation, wilcoxon};
+pub use rounds::interval_over_rounds;
 pub use two_samples::{RankSum, TwoSampleT, cohen_d, mann_whitney, student_t, welch_t, z_of_u};
 
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};

@@ -8,6 +8,9 @@ use bincode::{Decode, Encode};
 /// The first chunk of every key.
 pub const ROOT: &str = "tandem";
 
+/// Behind a robot's name, the question that every node answers on its own [`Topic::Ping`].
+pub const PINGS: &str = "ping/*";
+
 /// One of the five kinds of node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode)]
 pub enum NodeName {

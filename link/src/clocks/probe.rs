@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{RecvTimeoutError, bounded};
-use tandem_wire::{PeerClock, Pong, decode};
+use tandem_wire::{PeerClock, Pong, RobotName, decode};
 
 use super::{Event, QUEUE, ping, unix_nanos};
 use crate::Clock;
@@ -11,15 +11,21 @@ use crate::clocks::peers::Peers;
 use crate::config::ClockSettings;
 use crate::net::Link;
 
-/// Pings every node of the link's robot `times` times, `every` so often, and says what the answers tell of their clocks
+/// Pings every node of `robot` `times` times, `every` so often, and says what the answers tell of their clocks
 /// against this process's. Takes `times · every`; who does not answer is not in the list.
 #[must_use]
-pub fn measure_clocks(link: &Link, settings: &ClockSettings, times: u32, every: Duration) -> Vec<PeerClock> {
+pub fn measure_clocks(
+    link: &Link,
+    robot: &RobotName,
+    settings: &ClockSettings,
+    times: u32,
+    every: Duration,
+) -> Vec<PeerClock> {
     let clock = Clock::of_process();
     let (sender, receiver) = bounded(QUEUE);
     let mut peers = Peers::new(settings.skew_alarm_ms, u64::MAX);
     for _ in 0..times {
-        ping(&link.session, &link.robot, &sender);
+        ping(&link.session, robot, &sender);
         let until = Instant::now() + every;
         loop {
             match receiver.recv_deadline(until) {

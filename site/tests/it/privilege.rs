@@ -121,6 +121,15 @@ fn an_operator_may_command_its_own_robots_only() {
 }
 
 #[test]
+fn everybody_may_ping_and_each_node_answers_for_itself() {
+    let nodes = ["operator", "predictor", "arbiter", "robot-sim", "recorder", "anna"];
+    assert_eq!(who_may("egress", "query", "tandem/left/ping/*"), nodes);
+    assert!(who_may("ingress", "query", "tandem/left/ping/*").contains(&"viewer".to_owned()));
+    assert_eq!(who_may("ingress", "reply", "tandem/left/ping/arbiter"), ["arbiter"]);
+    assert_eq!(who_may("ingress", "put", "tandem/left/clock/robot-sim"), ["robot-sim"]);
+}
+
+#[test]
 fn everybody_may_stop_and_strangers_and_the_revoked_may_do_nothing() {
     let all = [
         "operator",

@@ -1,7 +1,8 @@
 //! What was seen, as a screen for people and as JSON for scripts.
 
 use serde_json::{Value, json};
-use tandem_wire::{Motion, Nanos, NodeName, Refusals, State, Topic};
+use tandem_recorder::{Basis, HopBudget};
+use tandem_wire::{Motion, Nanos, NodeName, Refusals, State, Topic, seconds};
 
 use super::tally::{Robot, STREAMS, skew_words, worst_skew};
 
@@ -37,6 +38,7 @@ pub(super) fn text(name: &str, robot: &Robot, heard: &[Topic], watched: Nanos) -
             None => "only a recorder or viewer hears commands".into(),
         },
     ));
+    rows.extend(robot.budget.hops().iter().map(|hop| ("hop", hop_row(hop))));
     if let Some((reporter, peer)) = worst_skew(&robot.clocks) {
         let apart = if peer.is_skewed { "TOO FAR APART: " } else { "" };
         rows.push(("clocks", format!("{apart}at worst {}", skew_words(reporter, &peer))));
@@ -59,6 +61,21 @@ pub(super) fn text(name: &str, robot: &Robot, heard: &[Topic], watched: Nanos) -
         rows.push(("recording", "a recorder is there".into()));
     }
     format!("{name}\n{}\n", crate::table::rows(&rows))
+}
+
+fn hop_row(hop: &HopBudget) -> String {
+    let ms = |nanos: Nanos| seconds(nanos) * 1e3;
+    let by = match hop.hop.basis() {
+        Basis::OneClock => "by one clock".to_owned(),
+        Basis::Corrected if hop.uncertainty == 0 => "within one process".to_owned(),
+        Basis::Corrected => format!("± {:.2} ms", ms(hop.uncertainty)),
+    };
+    let recent = hop.recent;
+    let (p50, p95, p99) = (ms(recent.p50), ms(recent.p95), ms(recent.p99));
+    format!(
+        "{:<25} p50 {p50:>7.2}  p95 {p95:>7.2}  p99 {p99:>7.2} ms  {by}",
+        hop.hop.words()
+    )
 }
 
 fn nodes(robot: &Robot) -> String {
@@ -149,6 +166,7 @@ pub(super) fn json(name: &str, robot: &Robot, heard: &[Topic], watched: Nanos) -
         })),
         "streams": Value::Object(rates.collect()),
         "loop_ms": robot.turn().map(|turn| json!({ "p50": turn.p50_ms, "p99": turn.p99_ms, "worst": turn.worst_ms })),
+        "hops": robot.budget.hops().iter().map(hop_json).collect::<Vec<_>>(),
         "clocks": robot.clocks.iter().flat_map(|(node, report)| report.peers.iter().map(|peer| json!({
             "from": node.as_str(), "to": peer.node.as_str(), "skew_ns": peer.skew, "uncertainty_ns": peer.uncertainty,
             "round_trip_ns": peer.round_trip_median, "is_skewed": peer.is_skewed,
@@ -157,6 +175,14 @@ pub(super) fn json(name: &str, robot: &Robot, heard: &[Topic], watched: Nanos) -
         "recording": robot.storage.map(|storage| json!({
             "says": storage.to_string(), "dropped": storage.dropped,
         })),
+    })
+}
+
+fn hop_json(hop: &HopBudget) -> Value {
+    let ms = |nanos: Nanos| seconds(nanos) * 1e3;
+    json!({
+        "hop": hop.hop.as_str(), "p50_ms": ms(hop.recent.p50), "p95_ms": ms(hop.recent.p95),
+        "p99_ms": ms(hop.recent.p99), "uncertainty_ms": ms(hop.uncertainty),
     })
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
+use tandem_recorder::{Budget, Sample};
 use tandem_wire::{
     ClockReport, Command, MessageId, Nanos, NodeName, PeerClock, Proposal, Refusals, SECOND, Setpoint, Stamp, State,
     Storage, Topic, codec, decode,
@@ -35,6 +36,8 @@ pub(crate) struct Robot {
     commands: Arrivals<MessageId>,
     turns: VecDeque<(Stamp, Nanos)>,
     last_turn: Option<MessageId>,
+    /// Where the time goes, as far as a listener can tell.
+    pub(crate) budget: Budget,
 }
 
 /// Keeps the newest by their numbers.
@@ -114,6 +117,9 @@ impl Robot {
             self.unreadable += 1;
             return;
         };
+        if let Ok(sample) = Sample::read(topic, bytes) {
+            self.budget.hear(&sample);
+        }
         let read = match topic {
             Topic::State => decode::<State>(bytes).map(|state| self.hear_state(now, header.id(), state.body)),
             Topic::Setpoint => decode::<Setpoint>(bytes).map(|setpoint| self.setpoint = Some((now, setpoint.body))),

@@ -143,13 +143,14 @@ fn acceleration(differences: &[f64], effect: Effect) -> Option<f64> {
     })
 }
 
-/// Between the two nearest, as most programs do.
+/// A quantile of values in ascending order: between the two nearest, as most programs do. `None` of nothing.
+#[must_use]
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "between 0 and the number of values"
 )]
-fn quantile(sorted: &[f64], level: f64) -> Option<f64> {
+pub fn quantile(sorted: &[f64], level: f64) -> Option<f64> {
     let place = level.clamp(0.0, 1.0) * sorted.len().checked_sub(1)? as f64;
     let below = *sorted.get(place.floor() as usize)?;
     let above = *sorted.get(place.ceil() as usize)?;

@@ -1,0 +1,262 @@
+//! One side of a measurement, from inside: says `ready`, works until its input ends, tells what it saw as one JSON object.
+
+use std::io::Read as _;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::bail;
+use clap::{Args, ValueEnum};
+use serde::{Deserialize, Serialize};
+use tandem_link::yardstick::{self, Everything};
+use tandem_link::{Link, LinkSettings, Running};
+use tandem_operator::SourceKind;
+use tandem_trials::Configuration;
+use tandem_wire::codec::{HEADER_BYTES, to_bytes};
+use tandem_wire::{Command, Delivery, MessageId, Pace, Seq, Session, Setpoint, Stamp, Used, Vec3};
+
+use super::clock::origin_ns;
+use super::tap::{Arrival, Arrivals, Tapped};
+use crate::Outcome;
+use crate::parts::Parts;
+
+/// Bulk traffic goes in pieces of this many bytes.
+const PIECE: usize = 64 << 10;
+/// So many bytes a second.
+pub(super) const FLOOD_BYTES_S: f64 = 20e6;
+
+/// What a part does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Part {
+    /// Listens: nothing but a router.
+    Router,
+    /// Dials: an operator for each robot.
+    Operators,
+    /// Dials: arbiter and robot for each robot.
+    Robots,
+    /// Listens: router, arbiter and robot in one.
+    Edge,
+    /// Dials: bare Zenoh's operator.
+    BareCommand,
+    /// Listens: bare Zenoh's arbiter and robot.
+    BareObey,
+    /// Dials: bulk traffic under a robot's name.
+    Flood,
+    /// Dials: takes everything about a robot.
+    Viewer,
+}
+
+#[derive(Args)]
+pub(crate) struct PartFlags {
+    #[arg(value_enum)]
+    part: Part,
+    #[arg(long)]
+    endpoint: String,
+    #[arg(long)]
+    hz: f64,
+    #[arg(long)]
+    robots: u32,
+}
+
+/// What a part tells at its end.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct Told {
+    /// Where this process's clock has its zero, on the machine's.
+    pub(super) origin_ns: i64,
+    /// Commands that reached robots.
+    pub(super) arrivals: Vec<Arrival>,
+    /// Bytes taken or given.
+    pub(super) bytes: u64,
+    /// For how long, in seconds.
+    pub(super) seconds: f64,
+}
+
+pub(crate) fn run(flags: &PartFlags) -> anyhow::Result<Outcome> {
+    let mut told = match flags.part {
+        Part::Router => {
+            let link = Link::open(&link_settings(flags, 0, true))?;
+            ready_until_asked();
+            link.close();
+            Told::default()
+        }
+        Part::Operators | Part::Robots | Part::Edge => nodes(flags)?,
+        Part::BareCommand | Part::BareObey => bare(flags)?,
+        Part::Flood => flood(flags)?,
+        Part::Viewer => view(flags)?,
+    };
+    told.origin_ns = origin_ns()?;
+    println!("{}", serde_json::to_string(&told)?);
+    Ok(Outcome::Done)
+}
+
+/// The name of the `index`-th robot.
+pub(super) fn robot_name(index: u32) -> String {
+    format!("bench-{index}")
+}
+
+fn link_settings(flags: &PartFlags, index: u32, listens: bool) -> LinkSettings {
+    let endpoint = vec![flags.endpoint.clone()];
+    let (listen, connect) = if listens {
+        (endpoint, vec![])
+    } else {
+        (vec![], endpoint)
+    };
+    LinkSettings {
+        robot: robot_name(index),
+        listen,
+        connect,
+        // Nobody records, so the journals are sent to nobody; on disk they would only be left over.
+        spool_mib: 0,
+        ..LinkSettings::default()
+    }
+}
+
+fn ready_until_asked() {
+    println!("ready");
+    // A parent that is gone asks, too.
+    let _ = std::io::stdin().read_to_end(&mut Vec::new());
+}
+
+/// Raised once the parent asks for the end.
+fn asked() -> Arc<AtomicBool> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let raised = Arc::clone(&stop);
+    std::thread::spawn(move || {
+        let _ = std::io::stdin().read_to_end(&mut Vec::new());
+        raised.store(true, Ordering::Relaxed);
+    });
+    stop
+}
+
+/// Real nodes with a session for each robot. The robots' first words need no trial: commands are decided upon and obeyed, if
+/// only by standing still.
+fn nodes(flags: &PartFlags) -> anyhow::Result<Told> {
+    let arrivals = Arrivals::default();
+    let mut links = Vec::new();
+    let mut running: Vec<Running> = Vec::new();
+    for index in 0..flags.robots {
+        let mut configuration = Configuration {
+            link: link_settings(flags, index, flags.part == Part::Edge),
+            ..Configuration::default()
+        };
+        configuration.rates.stream_hz = flags.hz;
+        configuration.operator.source = SourceKind::Simulated;
+        let parts = Parts::new(configuration, None)?;
+        let link = Link::open(parts.link_settings())?;
+        if flags.part == Part::Operators {
+            running.push(parts.operator(&link, |_| {})?);
+        } else {
+            running.push(parts.arbiter(&link)?);
+            let tap = arrivals.clone();
+            running.push(parts.robot_sim_as(&link, |robot| Tapped::new(robot, index, tap))?);
+        }
+        links.push(link);
+    }
+    ready_until_asked();
+    let told = Told {
+        arrivals: arrivals.take(),
+        ..Told::default()
+    };
+    running.iter().for_each(Running::stop);
+    for node in running {
+        if node.join().is_none() {
+            bail!("a node panicked: please report this");
+        }
+    }
+    links.iter().for_each(Link::close);
+    Ok(told)
+}
+
+fn bare(flags: &PartFlags) -> anyhow::Result<Told> {
+    let stop = asked();
+    if flags.part == Part::BareCommand {
+        println!("ready");
+        let period = Duration::from_secs_f64(1.0 / flags.hz);
+        yardstick::command(&flags.endpoint, period, command_bytes(), &stop)?;
+        return Ok(Told::default());
+    }
+    let passed = yardstick::obey(&flags.endpoint, setpoint_bytes(), &stop, || println!("ready"))?;
+    let arrival = |passed: yardstick::Passed| Arrival {
+        robot: 0,
+        number: passed.number,
+        sent_ns: passed.sent.0,
+        arrived_ns: passed.arrived.0,
+    };
+    Ok(Told {
+        arrivals: passed.into_iter().map(arrival).collect(),
+        ..Told::default()
+    })
+}
+
+const ID: MessageId = MessageId {
+    session: Session(1),
+    seq: Seq(1),
+};
+
+/// As long as an operator's command.
+fn command_bytes() -> usize {
+    let command = Command {
+        seen: Some(ID),
+        ..Command::default()
+    };
+    HEADER_BYTES + to_bytes(&command).len()
+}
+
+/// As long as the setpoint made of it where nobody forecasts.
+fn setpoint_bytes() -> usize {
+    let used = Used {
+        id: ID,
+        sent: Stamp(0),
+        age: 0,
+    };
+    let setpoint = Setpoint {
+        velocity: Vec3::ZERO,
+        motion: tandem_wire::Motion::Held(tandem_wire::Reason::NoTrial),
+        lease: None,
+        law: tandem_wire::Law::default(),
+        weight: tandem_wire::Finite(1.0),
+        human: Vec3::ZERO,
+        guidance: None,
+        blended: Vec3::ZERO,
+        limited: tandem_wire::Limited::default(),
+        command: Some(used),
+        proposal: None,
+        seen: Some(ID),
+        refused: tandem_wire::Refusals::default(),
+    };
+    HEADER_BYTES + to_bytes(&setpoint).len()
+}
+
+fn flood(flags: &PartFlags) -> anyhow::Result<Told> {
+    let link = Link::open(&link_settings(flags, 0, false))?;
+    println!("ready");
+    let stop = asked();
+    let (began, mut pieces) = (Instant::now(), 0_u32);
+    while !stop.load(Ordering::Relaxed) {
+        let due = began + Duration::from_secs_f64(f64::from(pieces) * PIECE as f64 / FLOOD_BYTES_S);
+        std::thread::sleep(due.saturating_duration_since(Instant::now()));
+        link.publish_as("bulk", Delivery::Bulk, Pace::Real, vec![0; PIECE])?;
+        pieces += 1;
+    }
+    let told = Told {
+        bytes: u64::from(pieces) * PIECE as u64,
+        seconds: began.elapsed().as_secs_f64(),
+        ..Told::default()
+    };
+    link.close();
+    Ok(told)
+}
+
+fn view(flags: &PartFlags) -> anyhow::Result<Told> {
+    let link = Link::open(&link_settings(flags, 0, false))?;
+    let everything = Everything::about(&link)?;
+    let began = Instant::now();
+    ready_until_asked();
+    let told = Told {
+        bytes: everything.bytes(),
+        seconds: began.elapsed().as_secs_f64(),
+        ..Told::default()
+    };
+    link.close();
+    Ok(told)
+}
