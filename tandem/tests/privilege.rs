@@ -13,11 +13,12 @@ fn set(topics: impl IntoIterator<Item = Topic>) -> BTreeSet<Topic> {
 fn check<N: Ports>() {
     let role = Role::of(N::NAME);
     let journal = (N::NAME != NodeName::Recorder).then_some(Topic::Journal(N::NAME));
-    let outputs = set(N::OUTPUTS.iter().copied().chain(journal).chain([Topic::Emergency]));
+    let always = [Topic::Emergency, Topic::Clock(N::NAME)];
+    let outputs = set(N::OUTPUTS.iter().copied().chain(journal).chain(always));
     assert_eq!(
         set(says(role)),
         outputs,
-        "{role} says what it declares, and the emergency stop"
+        "{role} says what it declares, its clock, and the emergency stop"
     );
 
     // A device is in the process itself; who a node is, is asked.
@@ -41,7 +42,8 @@ fn check<N: Ports>() {
         .copied()
         .filter(|topic| matches!(topic, Topic::Info(_))));
     assert!(asked.is_subset(&set(asks(role))), "{role} asks for {asked:?}");
-    assert_eq!(set(answers(role)), set([Topic::Info(N::NAME), Topic::Journal(N::NAME)]));
+    let answered = [Topic::Info(N::NAME), Topic::Journal(N::NAME), Topic::Ping(N::NAME)];
+    assert_eq!(set(answers(role)), set(answered));
 }
 
 #[test]

@@ -138,6 +138,7 @@ fn models(plan: &Plan, base: &Path) -> anyhow::Result<Vec<Vec<Arc<Model>>>> {
     for model in &plan.models {
         let is_used = |condition: &Condition| condition.settings.models.contains(&model.name);
         if plan.conditions.iter().any(is_used) {
+            eprintln!("tandem: the model {} is read or trained", model.name);
             let loaded = model.load(base).map_err(BadConfiguration::from)?;
             named.push((&model.name, Arc::new(loaded)));
         }
