@@ -137,9 +137,9 @@ impl Recorder {
             other => other,
         };
         let place = self.tally.count(topic, &header);
-        // Whoever marks a trial or stops a robot counts no ticks: it happens now.
+        // Who marks a trial or stops a robot may count no ticks: then it happens now.
         let tick = match topic {
-            Topic::Trial | Topic::Emergency => self.tick.max(header.tick),
+            Topic::Trial | Topic::Emergency if header.tick == 0 => self.tick,
             _ => header.tick,
         };
         self.tick = tick;

@@ -8,7 +8,7 @@ import pyarrow.parquet
 
 folder = pathlib.Path(sys.argv[1])
 tables = sorted(folder.glob("*.parquet"))
-assert len(tables) == 5, tables
+assert len(tables) == 6, tables
 for table in tables:
     read = pyarrow.parquet.read_table(table)
     columns = read.to_pydict()
