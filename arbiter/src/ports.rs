@@ -1,11 +1,12 @@
 //! The arbiter's edge: inputs become events, setpoints become bytes.
 
-use tandem_wire::{Input, NodeName, Ports, Topic, Unreadable, decode, encode};
+use tandem_wire::{Input, NodeName, Ports, Topic, Turn, Unreadable, decode, encode};
 
 use crate::node::{Arbiter, Event, Output};
 
 impl Ports for Arbiter {
     const NAME: NodeName = NodeName::Arbiter;
+    const TURN: Turn = Turn::OnArrival;
     const INPUTS: &'static [Topic] = &[
         Topic::Command,
         Topic::Proposal,

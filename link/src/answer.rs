@@ -14,8 +14,9 @@ use zenoh::qos::{CongestionControl, Priority};
 use zenoh::query::{ConsolidationMode, Query, Queryable};
 
 use crate::Clock;
-use crate::declared::Entrance;
+use crate::entrance::Entrance;
 use crate::net::{Link, LinkError, QUERY_TIMEOUT, declare};
+use crate::rank::stand_back;
 use crate::running::Item;
 use crate::spool::Spool;
 
@@ -35,6 +36,7 @@ pub(crate) fn answer_journal(
     let (put, questions) = bounded::<Query>(QUESTIONS);
     let reply_key = key.clone();
     let answer = move || {
+        stand_back();
         for query in questions {
             let Some((first, last)) = range(&query, session) else {
                 continue;
@@ -151,7 +153,7 @@ impl Drop for Answered {
             };
             // This may be the node's own thread, which must not wait for itself; a full queue makes it wait a little
             // longer for the answer.
-            let _ = self.entrance.sender.try_send(item);
+            let _ = self.entrance.door.offer(item);
         }
     }
 }

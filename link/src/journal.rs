@@ -14,12 +14,14 @@ use zenoh::query::Queryable;
 use crate::answer::answer_journal;
 use crate::faults::Faults;
 use crate::net::{Link, LinkError};
+use crate::rank::stand_back;
 use crate::running::ShellOptions;
 use crate::spool::{LINGER, Spool};
 
 /// Entries that may wait for the thread: ten seconds of a node at 400 entries a second.
 const QUEUE: usize = 4096;
-/// A batch is sent when it holds this many bytes, or when its first entry is this old.
+/// A batch holds this many bytes at most, and its first entry is about this old. The thread sleeps meanwhile, so that no
+/// entry costs its node a wake-up.
 const BATCH_BYTES: usize = 32 * 1024;
 const BATCH_AGE: Duration = Duration::from_millis(50);
 /// How long a closing node waits for its journal to get out.
@@ -43,6 +45,8 @@ pub struct JournalReport {
 /// The node's end of the journal. Writing never blocks in real time; in lockstep it waits rather than loses.
 pub(crate) struct Journal {
     sender: Option<Sender<Item>>,
+    /// Dropped to end the thread's sleep.
+    awake: Option<Sender<()>>,
     done: Receiver<()>,
     pace: Pace,
     report: JournalReport,
@@ -78,6 +82,7 @@ impl Journal {
         };
         let (sender, receiver) = bounded(QUEUE);
         let (finished, done) = bounded(1);
+        let (awake, asleep) = bounded(0);
         let shared = Arc::new(Shared::default());
         let mut carrier = Carrier {
             publisher,
@@ -85,11 +90,13 @@ impl Journal {
             spool: spool.clone(),
             shared: Arc::clone(&shared),
             asked,
+            asleep,
             faults: options.faults,
             bytes: Vec::new(),
             batches: 0,
         };
         let carry = move || {
+            stand_back();
             let end = carrier.forward(&receiver);
             carrier.linger(end);
             // Nobody may be waiting any more.
@@ -102,6 +109,7 @@ impl Journal {
         })?;
         Ok(Self {
             sender: Some(sender),
+            awake: Some(awake),
             done,
             pace,
             report: JournalReport::default(),
@@ -131,6 +139,7 @@ impl Journal {
         let linger = recorder_there && self.spool.is_some();
         self.shared.linger.store(linger, Ordering::Release);
         self.sender = None;
+        self.awake = None;
         // A thread that is still stuck in Zenoh after the limit is left behind.
         let _ = self.done.recv_timeout(CLOSE_LIMIT + Duration::from_nanos(LINGER));
         let taken = self.shared.taken.load(Ordering::Acquire);
@@ -165,6 +174,8 @@ struct Carrier {
     spool: Option<Arc<Mutex<Spool>>>,
     shared: Arc<Shared>,
     asked: Receiver<u64>,
+    /// Says nothing, and ends with the node.
+    asleep: Receiver<()>,
     faults: Faults,
     bytes: Vec<u8>,
     batches: u32,
@@ -175,7 +186,7 @@ impl Carrier {
     fn forward(&mut self, receiver: &Receiver<Item>) -> u64 {
         let mut expected = 0;
         let mut held = None;
-        while let Some(first) = held.take().or_else(|| receiver.recv().ok()) {
+        while let Some(first) = held.take().or_else(|| self.next(receiver)) {
             let at = first.entry.at;
             let mut batch = JournalBatch {
                 first: first.index,
@@ -187,6 +198,16 @@ impl Carrier {
             self.carry(at, batch);
         }
         expected
+    }
+
+    /// The next entry, and behind it what has gathered until now.
+    fn next(&self, receiver: &Receiver<Item>) -> Option<Item> {
+        receiver.try_recv().ok().or_else(|| {
+            let first = receiver.recv().ok();
+            // Nothing comes but the node's end.
+            let _ = self.asleep.recv_timeout(BATCH_AGE);
+            first
+        })
     }
 
     /// Onto the disk first: what a recorder misses it can ask for from then on.
@@ -232,12 +253,11 @@ impl Carrier {
     }
 }
 
-/// Adds what arrives until the batch is full or old. A gap ends the batch too: the entry behind it is handed back.
+/// Adds what waits until the batch is full. A gap ends the batch too: the entry behind it is handed back.
 fn fill(batch: &mut JournalBatch, receiver: &Receiver<Item>) -> Option<Item> {
-    let ready = Instant::now() + BATCH_AGE;
     let mut size: usize = batch.entries.iter().map(entry_bytes).sum();
     while size < BATCH_BYTES {
-        let item = receiver.recv_deadline(ready).ok()?;
+        let item = receiver.try_recv().ok()?;
         if item.index != batch.first + batch.entries.len() as u64 {
             return Some(item);
         }

@@ -2,12 +2,12 @@
 
 use std::thread::JoinHandle;
 
-use crossbeam_channel::Sender;
 use tandem_wire::{Input, NodeInfo, NodeName, Stamp, Timing, Topic};
 
 use crate::Clock;
 use crate::config::ClockSettings;
 use crate::dropped::Dropped;
+use crate::entrance::Door;
 use crate::faults::Faults;
 use crate::impairment::Impairments;
 use crate::journal::JournalReport;
@@ -52,10 +52,10 @@ pub struct Report {
     pub awaited: Option<NodeName>,
 }
 
-/// A node at work on its own thread.
+/// A node at work.
 #[derive(Debug)]
 pub struct Running {
-    pub(crate) sender: Sender<Item>,
+    pub(crate) door: Door,
     pub(crate) dropped: Dropped,
     pub(crate) thread: JoinHandle<Report>,
 }
@@ -64,7 +64,7 @@ impl Running {
     /// Asks the node to end: it says goodbye, its journal is flushed.
     pub fn stop(&self) {
         // A node that is gone has stopped.
-        let _ = self.sender.send(Item::Stop);
+        let _ = self.door.put(Item::Stop);
     }
 
     /// Waits until the node has ended. `None` if its thread panicked.
@@ -89,7 +89,7 @@ impl Running {
     #[must_use]
     pub fn device(&self) -> Device {
         Device {
-            sender: self.sender.clone(),
+            door: self.door.clone(),
         }
     }
 }
@@ -97,20 +97,18 @@ impl Running {
 /// The way in for raw samples of a device in this process.
 #[derive(Clone, Debug)]
 pub struct Device {
-    sender: Sender<Item>,
+    door: Door,
 }
 
 impl Device {
     /// Hands a sample to the node; says whether it was taken.
     #[must_use]
     pub fn send(&self, bytes: Vec<u8>) -> bool {
-        self.sender
-            .try_send(Item::Sample {
-                topic: Topic::Device,
-                bytes,
-                arrived: Clock::of_process().now(),
-            })
-            .is_ok()
+        self.door.offer(Item::Sample {
+            topic: Topic::Device,
+            bytes,
+            arrived: Clock::of_process().now(),
+        })
     }
 }
 

@@ -9,7 +9,7 @@ use tandem_link::{
 use tandem_wire::codec::to_bytes;
 use tandem_wire::{
     ClockReport, Command, Deadman, Envelope, Header, Input, JournalBatch, Malformed, Memory, Node, NodeInfo, NodeName,
-    Numbering, Outbox, Pace, Ports, Remember, Seq, Session, Stamp, Timing, Topic, Trial, Vec3, decode, encode,
+    Numbering, Outbox, Pace, Ports, Remember, Seq, Session, Stamp, Timing, Topic, Trial, Turn, Vec3, decode, encode,
 };
 
 const LIMIT: Duration = Duration::from_secs(10);
@@ -82,6 +82,7 @@ impl Remember for Echo {
 
 impl Ports for Echo {
     const NAME: NodeName = NodeName::Operator;
+    const TURN: Turn = Turn::OnArrival;
     const INPUTS: &'static [Topic] = &[Topic::Trial];
     const OUTPUTS: &'static [Topic] = &[Topic::Command];
 

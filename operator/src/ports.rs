@@ -1,6 +1,6 @@
 //! Bytes ⇄ events and outputs. Pure and total.
 
-use tandem_wire::{Input, Malformed, NodeName, Ports, Topic, Unreadable, decode, encode};
+use tandem_wire::{Input, Malformed, NodeName, Ports, Topic, Turn, Unreadable, decode, encode};
 
 use crate::device::DeviceSample;
 use crate::node::{Event, Operator, Output};
@@ -8,6 +8,7 @@ use crate::played::{self, PlayedSample};
 
 impl Ports for Operator {
     const NAME: NodeName = NodeName::Operator;
+    const TURN: Turn = Turn::Own;
     const INPUTS: &'static [Topic] = &[Topic::State, Topic::Device, Topic::Storage];
     const OUTPUTS: &'static [Topic] = &[Topic::Command, Topic::Trial, Topic::Lease, Topic::Emergency];
 

@@ -1,11 +1,12 @@
 //! The predictor's edge: inputs become events, proposals and forecasts become bytes.
 
-use tandem_wire::{Input, Malformed, NodeName, Ports, Topic, Unreadable, decode, encode};
+use tandem_wire::{Input, Malformed, NodeName, Ports, Topic, Turn, Unreadable, decode, encode};
 
 use crate::node::{Event, Output, Predictor};
 
 impl Ports for Predictor {
     const NAME: NodeName = NodeName::Predictor;
+    const TURN: Turn = Turn::Own;
     const INPUTS: &'static [Topic] = &[Topic::State];
     const OUTPUTS: &'static [Topic] = &[Topic::Proposal, Topic::Forecast];
 

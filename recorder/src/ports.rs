@@ -1,8 +1,8 @@
 //! The bytes at the recorder's edge: every topic comes in; out go how the session file is doing, and questions.
 
 use tandem_wire::{
-    Envelope, Input, JournalBatch, Malformed, Message, NodeName, Ports, Question, Topic, Unreadable, codec, decode,
-    encode,
+    Envelope, Input, JournalBatch, Malformed, Message, NodeName, Ports, Question, Topic, Turn, Unreadable, codec,
+    decode, encode,
 };
 
 use crate::heard::{JournalPart, Sample};
@@ -10,6 +10,7 @@ use crate::node::{Event, Output, Recorder};
 
 impl Ports for Recorder {
     const NAME: NodeName = NodeName::Recorder;
+    const TURN: Turn = Turn::InBatches;
     const INPUTS: &'static [Topic] = &[
         Topic::Command,
         Topic::Proposal,

@@ -1,11 +1,12 @@
 //! The robot's edge: inputs become events, states and scenes become bytes.
 
-use tandem_wire::{Envelope, Input, Malformed, NodeName, Ports, Scene, Topic, Unreadable, decode, encode};
+use tandem_wire::{Envelope, Input, Malformed, NodeName, Ports, Scene, Topic, Turn, Unreadable, decode, encode};
 
 use crate::node::{Event, Output, RobotSim};
 
 impl Ports for RobotSim {
     const NAME: NodeName = NodeName::RobotSim;
+    const TURN: Turn = Turn::OnArrival;
     const INPUTS: &'static [Topic] = &[Topic::Setpoint, Topic::Trial, Topic::Emergency];
     const OUTPUTS: &'static [Topic] = &[Topic::State, Topic::Scene];
 

@@ -44,7 +44,7 @@ pub use messages::{
     Arrivals, Body, Clearance, Command, Cylinder, Deadman, Forecast, ForecastPoint, Guidance, JOINTS, LINKS, Law,
     Limited, NodeInfo, Numbering, Obeyed, Proposal, Scene, Setpoint, State, Trial, Used,
 };
-pub use node::{Input, Node, Outbox, Ports, Unreadable};
+pub use node::{Input, Node, Outbox, Ports, Turn, Unreadable};
 pub use reason::{Motion, Reason};
 pub use stamp::{MILLISECOND, MessageId, Nanos, SECOND, Seq, Session, Stamp, seconds};
 pub use storage::{Condition, Storage};

@@ -94,10 +94,26 @@ pub enum Input<'a> {
     },
 }
 
+/// Where a node takes its steps in real time: on which thread, and how soon after something came.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Turn {
+    /// At once, on the thread that brings the input. For nodes that others wait for and whose every step takes
+    /// microseconds: it saves waking a thread, which takes longer than the step, but holds up whatever that thread brings
+    /// next.
+    OnArrival,
+    /// On the node's own thread, which is woken. For nodes whose steps may take longer.
+    Own,
+    /// On the node's own thread, several inputs at a time, each stamped with when it arrived. For nodes whose answers nobody
+    /// waits for, and whose wake-ups would cost those that somebody does wait for.
+    InBatches,
+}
+
 /// The bytes at a node's edge: inputs become events, outputs become samples. Pure, and total like the node.
 pub trait Ports: Node {
     /// The node's name.
     const NAME: NodeName;
+    /// Where its steps are taken in real time.
+    const TURN: Turn;
     /// The topics it listens to.
     const INPUTS: &'static [Topic];
     /// The topics it may publish.

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use serde::{Deserialize, Serialize};
 use tandem_robot_sim::{Event, Output, RobotSim};
 use tandem_wire::{
-    Input, Malformed, Memory, MessageId, Node, NodeName, Outbox, Ports, Question, Remember, Stamp, Topic,
+    Input, Malformed, Memory, MessageId, Node, NodeName, Outbox, Ports, Question, Remember, Stamp, Topic, Turn,
 };
 
 /// A command that reached a robot.
@@ -90,6 +90,7 @@ impl Remember for Tapped {
 
 impl Ports for Tapped {
     const NAME: NodeName = RobotSim::NAME;
+    const TURN: Turn = RobotSim::TURN;
     const INPUTS: &'static [Topic] = RobotSim::INPUTS;
     const OUTPUTS: &'static [Topic] = RobotSim::OUTPUTS;
 
