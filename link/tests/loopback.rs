@@ -1,5 +1,6 @@
 //! One node, real Zenoh, two sessions joined by TCP over loopback.
 
+use std::sync::mpsc::channel;
 use std::time::Duration;
 
 use tandem_link::{
@@ -89,7 +90,7 @@ impl Ports for Echo {
     fn event(input: Input<'_>) -> Heard {
         match input {
             Input::Sample {
-                topic: Topic::Trial,
+                topic: Topic::Trial | Topic::Device,
                 bytes,
             } => match decode::<Trial>(bytes).map(|trial| trial.body) {
                 Ok(Trial::Begin { number, .. }) => Heard::Trial(number),
@@ -104,6 +105,25 @@ impl Ports for Echo {
         encode(output, bytes);
         Some(Topic::Command)
     }
+}
+
+fn trial(number: u32) -> Vec<u8> {
+    let header = Header {
+        tick: 0,
+        session: Session(1),
+        seq: Seq(1),
+        sent: Clock::of_process().now(),
+    };
+    let label = "one of several".into();
+    let mut bytes = Vec::new();
+    encode(
+        &Envelope {
+            header,
+            body: Trial::Begin { number, label },
+        },
+        &mut bytes,
+    );
+    bytes
 }
 
 fn next_on(observer: &Observer, wanted: Topic) -> Vec<u8> {
@@ -131,23 +151,7 @@ fn a_node_answers_over_real_zenoh_and_its_journal_says_so() {
         }
     )));
 
-    let mut bytes = Vec::new();
-    let header = Header {
-        tick: 0,
-        session: Session(1),
-        seq: Seq(1),
-        sent: Clock::of_process().now(),
-    };
-    encode(
-        &Envelope {
-            header,
-            body: Trial::Begin {
-                number: 7,
-                label: "seven".into(),
-            },
-        },
-        &mut bytes,
-    );
+    let bytes = trial(7);
     edge.publish(Topic::Trial, bytes.clone()).unwrap();
     let command = decode::<Command>(&next_on(&observer, Topic::Command)).unwrap();
     assert_eq!(command.body.deadman, Deadman::Held { press: 7 });
@@ -180,6 +184,39 @@ fn a_node_answers_over_real_zenoh_and_its_journal_says_so() {
             .iter()
             .any(|entry| to_bytes(&entry.what).windows(bytes.len()).any(|window| window == bytes))
     );
+    remote.close();
+    edge.close();
+}
+
+#[test]
+fn whoever_finds_a_node_at_work_has_their_input_taken_up_all_the_same() {
+    const THREADS: u32 = 4;
+    const EACH: u32 = 500;
+    let robot = "at-work".parse().unwrap();
+    let (edge, remote) = Link::open_pair(&robot).unwrap();
+    let session = fresh_session();
+    let (answer, answers): (Vec<_>, Vec<_>) = (0..THREADS).map(|_| channel()).unzip();
+    let local = move |_, output: Envelope<Command>| {
+        if let Deadman::Held { press } = output.body.deadman {
+            let _ = answer[(press / EACH) as usize].send(press);
+        }
+    };
+    let running = spawn(&remote, Echo(Numbering::new(session)), options(session), local).unwrap();
+    std::thread::scope(|scope| {
+        for (thread, answers) in (0..THREADS).zip(answers) {
+            let device = running.device();
+            scope.spawn(move || {
+                // Each input waits for the last one's answer: one that was left lying would end this.
+                for number in thread * EACH..(thread + 1) * EACH {
+                    assert!(device.send(trial(number)));
+                    assert_eq!(answers.recv_timeout(LIMIT), Ok(number));
+                }
+            });
+        }
+    });
+    running.stop();
+    let report = running.join().unwrap();
+    assert_eq!((report.steps, report.dropped), (u64::from(THREADS * EACH) + 1, 0));
     remote.close();
     edge.close();
 }
