@@ -10,200 +10,48 @@
 //! A sink that fails or falls behind says so once, as a [`Notice`]; from then on what it misses is counted. Closing
 //! waits for the threads up to a limit and then leaves them behind.
 
+mod closed;
 mod disk;
 mod drops;
 mod feed;
 mod file;
 mod history;
 mod landmarks;
+mod notice;
+mod open;
 mod program;
 mod rerun_stream;
+mod shared;
 mod viewer;
 mod what_if;
 
 use std::collections::BTreeMap;
-use std::fmt;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
 use crossbeam_channel::{Receiver, bounded};
 use tandem_wire::{Condition, NodeName, Storage, Timing, Topic};
 
-use crate::config::{RecorderConfig, ViewTarget};
-use crate::heard::{Entry, Heard, Level, Note};
+use crate::config::RecorderConfig;
+use crate::heard::{Entry, Heard, Note};
 use crate::node::Output;
 use crate::session_file::Provenance;
-use crate::urdf::{Urdf, UrdfError};
+use crate::urdf::Urdf;
 use crate::view::Meshes;
+pub use closed::{Closed, Ended};
 pub use drops::{Drops, Lost};
-use feed::{Feed, Shared};
-use file::FileSink;
+use feed::Feed;
 pub use file::part_path;
+pub use notice::Notice;
+pub use open::OpenError;
+use open::{open_file, open_view};
 pub use program::find_viewer;
-use rerun_stream::{Show, StreamSink};
+use rerun_stream::Show;
+use shared::{Kind, Shared};
 pub use what_if::{Heading, save_what_if};
 
 /// Notices that may wait to be read; each sink makes one or two in its life.
 const NOTICES: usize = 32;
-
-/// Why recording cannot begin.
-#[derive(Debug, thiserror::Error)]
-pub enum OpenError {
-    /// The session file cannot be created.
-    #[error("the session file {path:?} cannot be written")]
-    SessionFile {
-        /// The path that was asked for.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// The session file was created, but its beginning could not be written.
-    #[error("the session file {path:?} cannot be begun")]
-    Begin {
-        /// The path that was asked for.
-        path: PathBuf,
-        /// What is wrong.
-        source: crate::WriteError,
-    },
-    /// The Rerun recording cannot be created.
-    #[error("the Rerun recording {path:?} cannot be written")]
-    Recording {
-        /// The path that was asked for.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// The Rerun SDK refuses to begin.
-    #[error("the Rerun view cannot be begun")]
-    View {
-        /// What the SDK says.
-        source: Box<rerun::RecordingStreamError>,
-    },
-    /// The arm cannot be shown by its URDF file.
-    #[error("the arm cannot be shown as it looks (recorder.urdf)")]
-    Urdf(#[from] UrdfError),
-    /// No thread can be started.
-    #[error("no thread can be started")]
-    Thread {
-        /// What the system says.
-        source: std::io::Error,
-    },
-}
-
-/// Something that a person should know once, while recording goes on.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Notice {
-    /// There is no viewer to start.
-    NoViewer,
-    /// A viewer could not be started, or ended at once.
-    ViewerFailed {
-        /// What happened.
-        why: String,
-    },
-    /// Nobody answers at the viewer's address so far.
-    ViewerSilent {
-        /// The address.
-        url: String,
-    },
-    /// The viewer was there and is no longer.
-    ViewerGone {
-        /// The address.
-        url: String,
-    },
-    /// When it ended, no viewer had been shown all of it.
-    ViewerMissed {
-        /// The address.
-        url: String,
-    },
-    /// A sink falls behind, so that messages to it are dropped.
-    Behind {
-        /// Which sink.
-        sink: String,
-    },
-    /// Messages never reached the session file.
-    Dropped {
-        /// How many so far, by channel.
-        channels: Vec<(String, u64)>,
-    },
-    /// There is room again: the session goes on in another file.
-    Resumed {
-        /// Which one.
-        path: PathBuf,
-    },
-    /// A sink cannot go on.
-    Failed {
-        /// Which sink.
-        sink: String,
-        /// What happened.
-        why: String,
-    },
-}
-
-impl fmt::Display for Notice {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoViewer => f.write_str(
-                "no Rerun viewer is running and none is on the PATH, so nothing is shown; to get it: pip install \
-                 rerun-sdk==0.36.3, or cargo install rerun-cli --version 0.36.3 --locked",
-            ),
-            Self::ViewerFailed { why } => write!(f, "the Rerun viewer could not be started ({why}); recording goes on"),
-            Self::ViewerSilent { url } => write!(f, "no viewer answers at {url} yet; recording goes on"),
-            Self::ViewerGone { url } => write!(
-                f,
-                "the viewer at {url} has gone; recording goes on, and it is shown the session again when it is back"
-            ),
-            Self::ViewerMissed { url } => write!(
-                f,
-                "no viewer at {url} was shown the end: none was there, or it took too long to begin"
-            ),
-            Self::Behind { sink } => write!(f, "{sink} falls behind; what it misses is counted"),
-            Self::Dropped { channels } => {
-                f.write_str("missing from the session file so far:")?;
-                let mut channels = channels.iter();
-                channels.try_for_each(|(channel, number)| write!(f, " {number} on {channel};"))
-            }
-            Self::Resumed { path } => write!(f, "recording goes on in {}", path.display()),
-            Self::Failed { sink, why } => write!(f, "{sink} cannot go on ({why}); what it misses is counted"),
-        }
-    }
-}
-
-impl Notice {
-    /// How much it matters to whoever reads the log: that nothing is kept any more is as bad as it gets.
-    #[must_use]
-    pub const fn level(&self) -> Level {
-        match self {
-            Self::Failed { .. } => Level::Error,
-            Self::Resumed { .. } => Level::Info,
-            _ => Level::Warning,
-        }
-    }
-}
-
-/// How one sink ended.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Ended {
-    /// Which sink, in words.
-    pub sink: String,
-    /// The file it wrote, if it wrote one.
-    pub path: Option<PathBuf>,
-    /// Messages that it took, or `None` if it had not ended when the time was up.
-    pub messages: Option<u64>,
-    /// Messages that it missed.
-    pub dropped: u64,
-}
-
-/// How recording ended.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Closed {
-    /// Every sink, the session file first.
-    pub sinks: Vec<Ended>,
-    /// What was dropped before them.
-    pub drops: Drops,
-    /// What was still to be said.
-    pub notices: Vec<Notice>,
-}
 
 /// The session file and the views.
 pub struct Sinks {
@@ -282,8 +130,8 @@ impl Sinks {
     /// file (without one, from the views) like anything else that is dropped.
     pub fn count_never_heard(&mut self, so_far: BTreeMap<Topic, u64>) {
         let kind = match self.file {
-            Some(_) => feed::Kind::SessionFile,
-            None => feed::Kind::View,
+            Some(_) => Kind::SessionFile,
+            None => Kind::View,
         };
         // What the shell itself says is for no file.
         for (topic, number) in so_far.iter().filter(|(topic, _)| **topic != Topic::Device) {
@@ -367,55 +215,6 @@ impl Sinks {
                 feed.offer(Arc::clone(&heard));
             }
             self.notices.push(notice);
-        }
-    }
-}
-
-fn open_file(
-    config: &RecorderConfig,
-    path: &std::path::Path,
-    provenance: &Provenance,
-    shared: &Arc<Shared>,
-) -> Result<Feed, OpenError> {
-    let sink = FileSink::create(path, config, provenance, Arc::clone(shared))?;
-    let limits = feed::Limits {
-        messages: config.file_queue,
-        bytes: config.file_queue_bytes,
-        flush: config.flush,
-    };
-    Feed::start(
-        "the session file",
-        Some(path.to_owned()),
-        feed::Kind::SessionFile,
-        limits,
-        shared,
-        sink,
-    )
-}
-
-fn open_view(
-    config: &RecorderConfig,
-    target: &ViewTarget,
-    show: &Show,
-    shared: &Arc<Shared>,
-) -> Result<Feed, OpenError> {
-    let limits = feed::Limits {
-        messages: config.view_queue,
-        bytes: config.file_queue_bytes,
-        flush: config.flush,
-    };
-    let kind = feed::Kind::View;
-    match target {
-        ViewTarget::Save(path) => {
-            let flush = rerun_stream::FILE_BATCH;
-            let limits = feed::Limits { flush, ..limits };
-            let sink = StreamSink::save(path, config.rrd_index, show, Arc::clone(shared))?;
-            Feed::start("the Rerun recording", Some(path.clone()), kind, limits, shared, sink)
-        }
-        ViewTarget::Connect(_) | ViewTarget::Spawn | ViewTarget::Serve => {
-            let (show, history) = (show.clone(), config.view_history_bytes);
-            let sink = viewer::ViewerSink::new(target.clone(), show, history, Arc::clone(shared));
-            Feed::start("the live view", None, kind, limits, shared, sink)
         }
     }
 }

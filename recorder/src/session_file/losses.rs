@@ -5,6 +5,9 @@ use std::collections::BTreeMap;
 use crate::sinks::Drops;
 use crate::tally::Counts;
 
+/// The record of what was received and lost.
+pub(crate) const COUNTS: &str = "tandem.counts";
+
 /// What makes a new record worth writing: that nothing more was lost is no news.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Losses {

@@ -18,8 +18,9 @@ use tandem_wire::{Condition, Stamp};
 
 use super::disk::{Disk, Measured, System};
 use super::drops::Lost;
-use super::feed::{Shared, Sink};
+use super::feed::Sink;
 use super::landmarks::Landmarks;
+use super::shared::Shared;
 use super::{Notice, OpenError};
 use crate::config::{RecorderConfig, Split};
 use crate::heard::{Entry, Heard};

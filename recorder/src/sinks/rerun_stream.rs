@@ -10,7 +10,8 @@ use rerun::sink::{FileSink, FileSinkOptions, GrpcSink, GrpcSinkConnectionState, 
 use rerun::{RecordingStream, RecordingStreamBuilder, TimePoint};
 use tandem_wire::Timing;
 
-use super::feed::{Shared, Sink};
+use super::feed::Sink;
+use super::shared::Shared;
 use super::{Notice, OpenError};
 use crate::config::Purpose;
 use crate::heard::Heard;

@@ -13,10 +13,11 @@ use std::time::Duration;
 use crossbeam_channel::{Receiver, Sender, after, bounded};
 
 use super::Notice;
-use super::feed::{Shared, Sink};
+use super::feed::Sink;
 use super::history::History;
 use super::program;
 use super::rerun_stream::{Connected, Show, StreamSink};
+use super::shared::Shared;
 use crate::config::ViewTarget;
 use crate::heard::Heard;
 

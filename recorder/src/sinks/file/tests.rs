@@ -11,7 +11,8 @@ use tandem_wire::{
     Topic, Trial, encode,
 };
 
-use super::super::feed::{Feed, Kind, Limits};
+use super::super::feed::{Feed, Limits};
+use super::super::shared::Kind;
 use super::*;
 use crate::RecorderSettings;
 use crate::heard::Sample;

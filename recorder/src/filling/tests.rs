@@ -1,0 +1,123 @@
+//! Journals with gaps, and the questions and answers that fill them.
+
+use tandem_wire::{Header, Seq};
+
+use super::*;
+
+fn part(first: u64, entries: u64) -> JournalPart {
+    JournalPart {
+        node: NodeName::Arbiter,
+        header: Header {
+            tick: 0,
+            session: Session(5),
+            seq: Seq(0),
+            sent: Stamp(0),
+        },
+        first,
+        entries,
+        lost: 0,
+        bytes: Vec::new(),
+    }
+}
+
+/// The questions that hearing, or being answered, leads to.
+fn after(filling: &mut Filling, step: impl FnOnce(&mut Filling, &mut Outbox<Output>)) -> Vec<(u64, u64)> {
+    let mut outbox = Outbox::default();
+    step(filling, &mut outbox);
+    let question = |output| match output {
+        Output::Ask(question) => Some((question.first, question.last)),
+        _ => None,
+    };
+    outbox.drain().filter_map(question).collect()
+}
+
+fn hear(filling: &mut Filling, at: u64, first: u64, entries: u64) -> Vec<(u64, u64)> {
+    after(filling, |filling, outbox| {
+        filling.hear(Stamp(at), &part(first, entries), outbox)
+    })
+}
+
+fn answer(filling: &mut Filling, at: u64, first: u64, entries: u64) -> (bool, Vec<(u64, u64)>) {
+    let mut take = false;
+    let asked = after(filling, |filling, outbox| {
+        take = filling.answer(Stamp(at), &part(first, entries), outbox).take;
+    });
+    (take, asked)
+}
+
+#[test]
+fn a_late_start_and_a_gap_are_asked_for_one_after_the_other_until_they_are_there() {
+    let mut filling = Filling::default();
+    assert_eq!(hear(&mut filling, 0, 100, 10), [(0, 99)]);
+    assert_eq!(hear(&mut filling, 1, 120, 10), []);
+    assert_eq!(answer(&mut filling, 2, 0, 60), (true, vec![(60, 99)]));
+    assert_eq!(answer(&mut filling, 3, 60, 40), (true, vec![(110, 119)]));
+    assert_eq!(answer(&mut filling, 4, 110, 10), (true, vec![]));
+    assert_eq!(filling.deadline(), None);
+}
+
+#[test]
+fn what_was_not_asked_for_is_not_taken() {
+    let mut filling = Filling::default();
+    assert_eq!(answer(&mut filling, 0, 0, 10), (false, vec![]));
+    hear(&mut filling, 0, 50, 10);
+    for (first, entries) in [(60, 5), (40, 11), (u64::MAX, 2)] {
+        assert!(!answer(&mut filling, 1, first, entries).0, "{first} {entries}");
+    }
+    assert!(answer(&mut filling, 1, 0, 50).0);
+}
+
+#[test]
+fn what_cannot_be_had_any_more_is_said_and_not_asked_for_again() {
+    let mut filling = Filling::default();
+    hear(&mut filling, 0, 100, 10);
+    let mut outbox = Outbox::default();
+    let worth = filling.answer(Stamp(1), &part(70, 30), &mut outbox);
+    let words = worth.note.map(|note| note.text).unwrap_or_default();
+    assert!(worth.take && words.starts_with("70 entries"), "{words}");
+    assert_eq!((outbox.as_slice().len(), filling.deadline()), (0, None));
+}
+
+#[test]
+fn silence_is_asked_thrice() {
+    let mut filling = Filling::default();
+    assert_eq!(hear(&mut filling, 0, 10, 10), [(0, 9)]);
+    let mut now = 0;
+    for _ in 1..journal::TRIES {
+        assert_eq!(answer(&mut filling, now, 0, 0), (false, vec![]));
+        now = filling.deadline().expect("another try").0;
+        assert_eq!(
+            after(&mut filling, |filling, outbox| filling.ask(Stamp(now), outbox)),
+            [(0, 9)]
+        );
+    }
+    answer(&mut filling, now, 0, 0);
+    assert_eq!(filling.deadline(), None);
+}
+
+#[test]
+fn whoever_ends_hears_that_everything_is_there_only_once_it_is() {
+    let mut filling = Filling::default();
+    hear(&mut filling, 0, 0, 10);
+    assert_eq!(hear(&mut filling, 1, 20, 0), [(10, 19)]);
+    assert_eq!(hear(&mut filling, 2, 20, 0), []);
+    answer(&mut filling, 3, 10, 10);
+    assert_eq!(hear(&mut filling, 4, 20, 0), [(20, 20)]);
+}
+
+#[test]
+fn at_the_end_each_journal_that_is_still_written_is_asked_for_its_tail_once() {
+    let mut filling = Filling::default();
+    hear(&mut filling, 0, 0, 10);
+    assert!(!filling.is_settled());
+    let close = |filling: &mut Filling| after(filling, |filling, outbox| filling.close(Stamp(1), outbox));
+    assert_eq!(close(&mut filling), [(10, u64::MAX)]);
+    assert!(!filling.is_settled());
+    assert_eq!(answer(&mut filling, 2, 10, 4), (true, vec![]));
+    assert!(filling.is_settled());
+    let mut vanished = Filling::default();
+    hear(&mut vanished, 0, 0, 10);
+    vanished.presence(NodeName::Arbiter, false);
+    assert_eq!(close(&mut vanished), []);
+    assert!(vanished.is_settled());
+}
