@@ -2,7 +2,6 @@
 
 import json
 import statistics
-import time
 
 from faults import CONTROL, MATRIX, STOPS
 
@@ -26,13 +25,11 @@ def line(row):
     )
 
 
-def merged(path, row):
-    """Adds a row to the figures in a file, in the place of an earlier one of its name."""
+def keep(path, row):
+    """Keeps a row in a file of figures, in the place of an earlier one of its name."""
     before = json.loads(path.read_text())["rows"] if path.exists() else []
-    row["date"] = time.strftime("%Y-%m-%d", time.gmtime())
     rows = [other for other in before if other["name"] != row["name"]] + [row]
     path.write_text(json.dumps({"rows": rows}, indent=1))
-    return rows
 
 
 def cells(row):
@@ -49,6 +46,7 @@ def cells(row):
         others,
         pair(row["recovers_s"], ".1f"),
         f"{row['stale']} of {row['moved']}",
+        row["date"],
     ]
 
 
@@ -62,29 +60,34 @@ HEAD = [
     "other stops a minute",
     "moves again, s",
     "by an old press",
+    "measured",
 ]
 
 
-def markdown(rows):
+def standing(table):
+    """The cells of the rows that a page's table has, by the name of the fault."""
+    lines = [line.strip("|").split("|") for line in table.splitlines() if line.startswith("| ")]
+    return {cells[0].strip(): [cell.strip() for cell in cells] for cells in lines if len(cells) == len(HEAD)}
+
+
+def markdown(table, rows):
+    """The table anew: what was measured now, and what stood there already."""
+    shown = [row for row in rows if "begins_ms" in row and row["promise"] != CONTROL]
+    have = standing(table) | {row["name"]: cells(row) for row in shown}
     out = []
-    for group in MATRIX:
-        order = [fault.name for fault in MATRIX[group]]
-        shown = [row for row in rows if "begins_ms" in row and row["promise"] != CONTROL]
-        members = sorted(
-            (row for row in shown if row["group"] == group and row["name"] in order),
-            key=lambda row: order.index(row["name"]),
-        )
+    for group, faults in MATRIX.items():
+        members = [have[fault.name] for fault in faults if fault.name in have]
         if not members:
             continue
         out += [f"### {group}", "", "| " + " | ".join(HEAD) + " |", "| --- | --- |" + " ---: |" * (len(HEAD) - 2)]
-        out += ["| " + " | ".join(cells(row)) + " |" for row in members]
+        out += ["| " + " | ".join(member) + " |" for member in members]
         out.append("")
     return "\n".join(out)
 
 
 def write(page, rows):
-    """Puts the table between the page's marks."""
+    """Puts rows into the table between the page's marks, in the place of those of their names."""
     text = page.read_text()
     first, rest = text.split(MARK[0])
-    _, last = rest.split(MARK[1])
-    page.write_text(f"{first}{MARK[0]}\n\n{markdown(rows)}\n{MARK[1]}{last}")
+    table, last = rest.split(MARK[1])
+    page.write_text(f"{first}{MARK[0]}\n\n{markdown(table, rows)}\n{MARK[1]}{last}")

@@ -8,7 +8,7 @@ use crate::played::{self, PlayedSample};
 
 impl Ports for Operator {
     const NAME: NodeName = NodeName::Operator;
-    const TURN: Turn = Turn::Own;
+    const TURN: Turn = Turn::OnArrival;
     const INPUTS: &'static [Topic] = &[Topic::State, Topic::Device, Topic::Storage];
     const OUTPUTS: &'static [Topic] = &[Topic::Command, Topic::Trial, Topic::Lease, Topic::Emergency];
 
