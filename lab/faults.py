@@ -31,7 +31,6 @@ class Fault:
     certificate: str = ""  # the nodes have certificates, and the guest one of this kind
     robot_dies: bool = False
     quick: bool = False
-    share: float = 1.0  # of the repetitions asked for
     recovers_s: float = 30.0
     settles_s: float = 0.0  # how long it must have moved before the fault comes
 
@@ -83,13 +82,13 @@ NODES = [
     Fault("arbiter frozen", "the robot stops by itself", freeze("arbiter"), thaw("arbiter")),
     Fault("predictor killed", "the human alone goes on", kill("predictor"), start("predictor"), DRIVES_ON, quick=True),
     Fault("predictor frozen", "the human alone goes on", freeze("predictor"), thaw("predictor"), DRIVES_ON),
-    Fault("recorder frozen", "nothing changes", freeze("recorder"), thaw("recorder"), DRIVES_ON, share=0.3),
+    Fault("recorder frozen", "nothing changes", freeze("recorder"), thaw("recorder"), DRIVES_ON),
     Fault("robot frozen", "stops, in its own time; needs a fresh press when it wakes", freeze("robot-sim"), thaw("robot-sim")),
-    Fault("robot killed", "a new one needs a fresh press", kill("robot-sim"), start("robot-sim"), robot_dies=True, share=0.3),
+    Fault("robot killed", "a new one needs a fresh press", kill("robot-sim"), start("robot-sim"), robot_dies=True),
 ]
 CUTS = [
     Fault("operator's host cut off", "stops; needs a fresh press", **CUT, quick=True),
-    Fault("… for three seconds", "stops; nothing queued moves it", **CUT, hold=(2.8, 3.2), share=0.3),
+    Fault("… for three seconds", "stops; nothing queued moves it", **CUT, hold=(2.8, 3.2)),
     Fault("from the operator, one way", "stops", cut("operator", *OTHERS, back=False), heal, quick=True),
     Fault("to the operator, one way", "the operator lets go, blind", cut("robot", "operator", back=False), heal),
     Fault("arbiter's host cut off", "the robot stops by itself", cut("arbiter", "robot", "operator", "predictor", "guest"), heal),
@@ -99,11 +98,11 @@ CUTS = [
 LINES = [
     Fault("50 ± 5 ms each way", STILL, **CUT, prepare=line(delay=0.05, jitter=0.005)),
     Fault("100 ± 10 ms", STILL, **CUT, prepare=line(delay=0.1, jitter=0.01)),
-    Fault("200 ± 20 ms", STILL, **CUT, prepare=line(delay=0.2, jitter=0.02), share=0.5),
+    Fault("200 ± 20 ms", STILL, **CUT, prepare=line(delay=0.2, jitter=0.02)),
     Fault("2 % of frames lost", STILL, **CUT, prepare=line(loss=0.02)),
-    Fault("10 % lost", STILL, **CUT, prepare=line(loss=0.1), share=0.5),
-    Fault("30 % lost", "mostly stands; never moves unasked", **CUT, prepare=line(loss=0.3), share=0.2, recovers_s=90),
-    Fault("2 Mbit/s, bulk beside", STILL, **CUT, prepare=line(rate=2e6), guest=["operator", "bulk"], share=0.3),
+    Fault("10 % lost", STILL, **CUT, prepare=line(loss=0.1)),
+    Fault("30 % lost", "mostly stands; never moves unasked", **CUT, prepare=line(loss=0.3), recovers_s=90),
+    Fault("2 Mbit/s, bulk beside", STILL, **CUT, prepare=line(rate=2e6), guest=["operator", "bulk"]),
     Fault("10 % of frames twice", STILL, **CUT, prepare=line(duplicate=0.1)),
     Fault("10 % overtaken", STILL, **CUT, prepare=line(reorder=0.1)),
     Fault("2 % with a turned bit", STILL, **CUT, prepare=line(corrupt=0.02)),
@@ -116,14 +115,14 @@ CLOCKS = [
     Fault("all of them stepping by an hour", STILL, **CUT, clocks="stepping"),
 ]
 GUESTS = [
-    Fault("a flood of garbage on every key", STILL, **CUT, guest=["guest", "garbage"], share=0.5),
-    Fault("everything said again, twice", STILL, **CUT, guest=["guest", "replay"], share=0.5),
+    Fault("a flood of garbage on every key", STILL, **CUT, guest=["guest", "garbage"]),
+    Fault("everything said again, twice", STILL, **CUT, guest=["guest", "replay"]),
     Fault(
-        "motion forged in other runs' names", "refused while the true ones speak", expects=DRIVES_ON, guest=["guest", "forge"], hold=(0.5, 1.0), share=0.3
+        "motion forged in other runs' names", "refused while the true ones speak", expects=DRIVES_ON, guest=["guest", "forge"], hold=(0.5, 1.0)
     ),
-    Fault("two operators press at once", "one drives, the other is refused", expects=DRIVES_ON, guest=["second"], hold=(0.5, 1.0), share=0.3),
+    Fault("two operators press at once", "one drives, the other is refused", expects=DRIVES_ON, guest=["second"], hold=(0.5, 1.0)),
 ]
-FORGER = {**CUT, "guest": ["guest", "forge"], "share": 0.5}
+FORGER = {**CUT, "guest": ["guest", "forge"]}
 SHUT_OUT = "let in nowhere: " + STILL
 CONTROL = "nothing: it is heard"
 STRANGERS = [

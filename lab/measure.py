@@ -38,7 +38,7 @@ class Row:
     def run(self):
         """Everything; gives the row's figures."""
         fault, lab = self.fault, self.lab
-        wanted = max(1, round(self.options.repetitions * fault.share))
+        wanted = self.options.repetitions
         end, wanted = time.monotonic() + self.options.limit_s, wanted + wanted // 20
         try:
             self._start()
