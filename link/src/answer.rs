@@ -16,7 +16,6 @@ use zenoh::query::{ConsolidationMode, Query, Queryable};
 use crate::Clock;
 use crate::entrance::Entrance;
 use crate::net::{Link, LinkError, QUERY_TIMEOUT, declare};
-use crate::rank::stand_back;
 use crate::running::Item;
 use crate::spool::Spool;
 
@@ -36,7 +35,6 @@ pub(crate) fn answer_journal(
     let (put, questions) = bounded::<Query>(QUESTIONS);
     let reply_key = key.clone();
     let answer = move || {
-        stand_back();
         for query in questions {
             let Some((first, last)) = range(&query, session) else {
                 continue;

@@ -11,7 +11,6 @@ use zenoh::sample::{Sample, SampleKind};
 use crate::Clock;
 use crate::entrance::Entrance;
 use crate::net::{Link, LinkError, QUERY_TIMEOUT, declare};
-use crate::rank::stand_back;
 use crate::running::{Item, ShellOptions};
 
 /// Questions for a node's configuration that may wait for their answers.
@@ -64,7 +63,6 @@ fn answer_info<N: Ports>(link: &Link, options: &ShellOptions) -> Result<Queryabl
     let reply_key = key.clone();
     let (asked, queries) = bounded::<Query>(QUERIES);
     let answer = move || {
-        stand_back();
         for query in queries {
             // Whoever asked and went away needs no answer.
             let _ = query.reply(&reply_key, bytes.as_slice()).wait();

@@ -14,7 +14,6 @@ use zenoh::query::Queryable;
 use crate::answer::answer_journal;
 use crate::faults::Faults;
 use crate::net::{Link, LinkError};
-use crate::rank::stand_back;
 use crate::running::ShellOptions;
 use crate::spool::{LINGER, Spool};
 
@@ -96,7 +95,6 @@ impl Journal {
             batches: 0,
         };
         let carry = move || {
-            stand_back();
             let end = carrier.forward(&receiver);
             carrier.linger(end);
             // Nobody may be waiting any more.
