@@ -231,6 +231,8 @@ fn a_router_at_work_takes_a_revocation_up_and_the_others_come_back() {
     let refused = loop {
         assert!(Instant::now() < limit, "the router takes it up");
         match link(&laptop, port, "operator") {
+            // While the router opens anew, nobody answers.
+            Err(why) if why.to_string().contains("nobody answers") => {}
             Err(why) => break why.to_string(),
             Ok(link) => link.close(),
         }

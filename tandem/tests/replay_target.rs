@@ -181,22 +181,30 @@ fn viewer(program: &Path, file: &Path, port: u16) -> Child {
     viewer.expect("rerun starts")
 }
 
+fn end(mut viewer: Child) {
+    viewer.kill().expect("our own child");
+    viewer.wait().expect("our own child");
+}
+
 #[test]
 fn a_viewer_is_shown_all_and_one_that_is_killed_ends_the_replay_with_a_sentence() {
     let Some(program) = rerun() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let (port, file) = (free_port().expect("a port"), folder.path().join("shown.rrd"));
     let view = format!("--view=rerun+http://127.0.0.1:{port}/proxy");
-    let mut viewer = viewer(&program, &file, port);
+    let viewer = viewer(&program, &file, port);
     let (code, said) = ended(replay(&[&view, "--speed", "max"]));
     assert_eq!(code, Some(0), "{said}");
+    end(viewer);
+    // Another one, with a file of its own: what it writes is of the replay that now comes, not the rest of the last.
+    let file = folder.path().join("again.rrd");
+    let viewer = self::viewer(&program, &file, port);
     let length = || std::fs::metadata(&file).map_or(0, |file| file.len());
     let before = length();
     // It would go on for ever.
     let child = replay(&[&view, "--loop"]);
     assert!(eventually(|| length() > before), "the replay is shown");
-    viewer.kill().expect("our own child");
-    viewer.wait().expect("our own child");
+    end(viewer);
     let (code, said) = ended(child);
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("has gone: start it, and replay again"), "{said}");
