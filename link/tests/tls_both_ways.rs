@@ -90,16 +90,9 @@ impl Heard {
         let number = self.count.fetch_add(1, Ordering::Relaxed);
         let expected = message_of(&self.noise, number);
         if message != expected {
-            let carried = message.first_chunk().map(|head| u64::from_le_bytes(*head));
-            let wrong = if carried == Some(number) {
-                let place = message.iter().zip(&expected).position(|(is, should)| is != should);
-                format!(
-                    "message {number} differs from byte {place:?} on, and has {} bytes",
-                    message.len()
-                )
-            } else {
-                format!("in the place of message {number} comes {carried:?}")
-            };
+            let place = message.iter().zip(&expected).position(|(is, should)| is != should);
+            let length = message.len();
+            let wrong = format!("message {number} has {length} bytes and differs from byte {place:?} on");
             self.wrong.lock().unwrap().get_or_insert(wrong);
         }
     }
@@ -128,7 +121,6 @@ fn noise(bytes: usize) -> Vec<u8> {
 /// An operator and the arbiter that it dialled send each other messages until `enough`, asked with the number sent and the
 /// time since the start, says so. How many arrived each way: all of them, in order, and none that differs.
 fn both_ways(bytes: usize, enough: impl Fn(u64, Duration) -> bool + Sync) -> [u64; 2] {
-    zenoh::init_log_from_env_or("error");
     let folder = tempfile::tempdir().unwrap();
     let site = folder.path().join("lab");
     let mut authority = Authority::new(&site, "lab".parse().unwrap()).unwrap();
@@ -188,10 +180,10 @@ fn both_ways(bytes: usize, enough: impl Fn(u64, Duration) -> bool + Sync) -> [u6
         while !enough(sent, started.elapsed()) && !stop.load(Ordering::Relaxed) {
             publisher.put(message_of(&noise, sent)).wait().unwrap();
             sent += 1;
+            let arrived = heard.count.load(Ordering::Relaxed);
             if heard.wrong.lock().unwrap().is_some() {
                 stop.store(true, Ordering::Relaxed);
             } else if sent % 5000 == 0 {
-                let arrived = heard.count.load(Ordering::Relaxed);
                 println!("{:.0?}: {key} {arrived} arrived of {sent}", started.elapsed());
             }
         }
@@ -209,8 +201,7 @@ fn both_ways(bytes: usize, enough: impl Fn(u64, Duration) -> bool + Sync) -> [u6
     });
     let arrived = || heard.each_ref().map(|heard| heard.count.load(Ordering::Relaxed));
     let limit = Instant::now() + LIMIT;
-    let wrong = || heard.iter().any(|heard| heard.wrong.lock().unwrap().is_some());
-    while arrived() != sent && !wrong() && Instant::now() < limit {
+    while arrived() != sent && Instant::now() < limit {
         std::thread::sleep(Duration::from_millis(10));
     }
     for heard in &heard {
