@@ -37,7 +37,9 @@ const TIMEOUT: Duration = Duration::from_secs(2);
 /// How often a node says what it knows.
 const REPORT_EVERY: Nanos = SECOND;
 /// A peer that has not answered for so many pings, and five seconds, is gone.
-const PATIENCE: u64 = 10;
+const PATIENCE: u64 = 4;
+/// A peer that has just come is pinged so many times as often, until it is known.
+const HURRY: u64 = 4;
 
 /// A node's clock keeper. Dropping it ends its thread.
 pub(crate) struct Clocks {
@@ -161,7 +163,8 @@ impl Keeper {
             let now = self.clock.now();
             if now >= ping_due {
                 ping(&self.session, &self.robot, &self.sender);
-                ping_due = now.after(every);
+                let is_known = self.peers.are_known();
+                ping_due = now.after(if is_known { every } else { every / HURRY });
             }
             if now >= report_due {
                 self.report(now);

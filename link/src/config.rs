@@ -61,8 +61,9 @@ settings! {
 settings! {
     /// How the nodes watch each other's clocks. Nothing that moves the robot looks at them.
     pub struct ClockSettings("clock") {
-        /// How often a node pings its peers, in milliseconds; 0: never, it only answers. In lockstep nobody pings.
-        pub every_ms: u64 = 500, in 0..=60000;
+        /// How often a node pings its peers, in milliseconds, and four times as often while one of them is new; 0: never, it
+        /// only answers. In lockstep nobody pings.
+        pub every_ms: u64 = 2000, in 0..=60000;
         /// Wall clocks that are further apart than this, in milliseconds, are warned of.
         pub skew_alarm_ms: u64 = 100, in 1..=86400000;
     }

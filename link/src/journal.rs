@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
+use std::thread::Thread;
 use std::time::{Duration, Instant};
 
-use crossbeam_channel::{Receiver, Sender, bounded};
+use crossbeam_channel::{Receiver, Sender, TryRecvError, bounded};
 use tandem_wire::{Happening, JournalBatch, JournalEntry, NodeName, Numbering, Pace, Stamp, Topic, encode};
 use zenoh::Wait;
 use zenoh::pubsub::Publisher;
@@ -19,10 +20,11 @@ use crate::spool::{LINGER, Spool};
 
 /// Entries that may wait for the thread: ten seconds of a node at 400 entries a second.
 const QUEUE: usize = 4096;
-/// A batch holds this many bytes at most, and its first entry is about this old. The thread sleeps meanwhile, so that no
-/// entry costs its node a wake-up.
+/// A batch holds this many bytes at most, and its first entry is about this old.
 const BATCH_BYTES: usize = 32 * 1024;
-const BATCH_AGE: Duration = Duration::from_millis(50);
+/// The thread sleeps for so long between batches, so that no entry costs its node a wake-up unless the queue is half full.
+/// It is what a killed process loses, far below the second that is promised.
+const BATCH_AGE: Duration = Duration::from_millis(200);
 /// How long a closing node waits for its journal to get out.
 const CLOSE_LIMIT: Duration = Duration::from_secs(2);
 /// How often a closing node says how far its journal goes.
@@ -44,8 +46,7 @@ pub struct JournalReport {
 /// The node's end of the journal. Writing never blocks in real time; in lockstep it waits rather than loses.
 pub(crate) struct Journal {
     sender: Option<Sender<Item>>,
-    /// Dropped to end the thread's sleep.
-    awake: Option<Sender<()>>,
+    carrier: Thread,
     done: Receiver<()>,
     pace: Pace,
     report: JournalReport,
@@ -81,7 +82,6 @@ impl Journal {
         };
         let (sender, receiver) = bounded(QUEUE);
         let (finished, done) = bounded(1);
-        let (awake, asleep) = bounded(0);
         let shared = Arc::new(Shared::default());
         let mut carrier = Carrier {
             publisher,
@@ -89,7 +89,6 @@ impl Journal {
             spool: spool.clone(),
             shared: Arc::clone(&shared),
             asked,
-            asleep,
             faults: options.faults,
             bytes: Vec::new(),
             batches: 0,
@@ -101,13 +100,13 @@ impl Journal {
             let _ = finished.send(());
         };
         let thread = std::thread::Builder::new().name("journal".into()).spawn(carry);
-        thread.map_err(|error| LinkError::Declare {
+        let thread = thread.map_err(|error| LinkError::Declare {
             key: topic.key(&link.robot),
             reason: error.to_string(),
         })?;
         Ok(Self {
             sender: Some(sender),
-            awake: Some(awake),
+            carrier: thread.thread().clone(),
             done,
             pace,
             report: JournalReport::default(),
@@ -127,6 +126,10 @@ impl Journal {
             Pace::Lockstep => sender.send(item).is_ok(),
             Pace::Real => sender.try_send(item).is_ok(),
         };
+        // Once, not with each entry from then on.
+        if sender.len() == QUEUE / 2 {
+            self.carrier.unpark();
+        }
         self.report.entries += 1;
         self.report.lost += u64::from(!sent);
     }
@@ -137,7 +140,7 @@ impl Journal {
         let linger = recorder_there && self.spool.is_some();
         self.shared.linger.store(linger, Ordering::Release);
         self.sender = None;
-        self.awake = None;
+        self.carrier.unpark();
         // A thread that is still stuck in Zenoh after the limit is left behind.
         let _ = self.done.recv_timeout(CLOSE_LIMIT + Duration::from_nanos(LINGER));
         let taken = self.shared.taken.load(Ordering::Acquire);
@@ -172,8 +175,6 @@ struct Carrier {
     spool: Option<Arc<Mutex<Spool>>>,
     shared: Arc<Shared>,
     asked: Receiver<u64>,
-    /// Says nothing, and ends with the node.
-    asleep: Receiver<()>,
     faults: Faults,
     bytes: Vec<u8>,
     batches: u32,
@@ -184,7 +185,7 @@ impl Carrier {
     fn forward(&mut self, receiver: &Receiver<Item>) -> u64 {
         let mut expected = 0;
         let mut held = None;
-        while let Some(first) = held.take().or_else(|| self.next(receiver)) {
+        while let Some(first) = held.take().or_else(|| Self::next(receiver)) {
             let at = first.entry.at;
             let mut batch = JournalBatch {
                 first: first.index,
@@ -198,14 +199,15 @@ impl Carrier {
         expected
     }
 
-    /// The next entry, and behind it what has gathered until now.
-    fn next(&self, receiver: &Receiver<Item>) -> Option<Item> {
-        receiver.try_recv().ok().or_else(|| {
-            let first = receiver.recv().ok();
-            // Nothing comes but the node's end.
-            let _ = self.asleep.recv_timeout(BATCH_AGE);
-            first
-        })
+    /// The next entry, once some have gathered; `None` after the node's end.
+    fn next(receiver: &Receiver<Item>) -> Option<Item> {
+        loop {
+            match receiver.try_recv() {
+                Ok(item) => return Some(item),
+                Err(TryRecvError::Disconnected) => return None,
+                Err(TryRecvError::Empty) => std::thread::park_timeout(BATCH_AGE),
+            }
+        }
     }
 
     /// Onto the disk first: what a recorder misses it can ask for from then on.

@@ -1,25 +1,21 @@
-//! What Tandem's own latency is measured against: the same hops and payloads over bare Zenoh with its default settings.
-//!
-//! One process publishes a command; another takes it up on a thread, publishes a setpoint, and takes that up on a second
-//! thread: as many hops between threads and processes as operator, arbiter and robot have, with Zenoh's own channels in
-//! between. Used by `tandem bench`, and by nothing that runs a robot.
+//! What Tandem's own speed is measured against: the same hops and payloads over bare Zenoh. Used by `tandem bench`, and by
+//! nothing that runs a robot.
+
+mod chain;
+mod fleet;
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use tandem_wire::{Stamp, keys};
 use zenoh::Wait;
 use zenoh::pubsub::Subscriber;
 
-use crate::Clock;
 use crate::net::{Link, LinkError, declare};
+pub use chain::{command, obey};
+pub use fleet::{Fleet, Side};
 
-const COMMAND: &str = "yardstick/command";
-const SETPOINT: &str = "yardstick/setpoint";
-/// How often a thread looks whether it shall end.
-const LOOK: Duration = Duration::from_millis(50);
-/// Number and stamp.
+/// A command's number and stamp, at the head of its payload.
 const HEAD: usize = 16;
 
 /// A command that went all the way.
@@ -33,97 +29,31 @@ pub struct Passed {
     pub arrived: Stamp,
 }
 
-/// Publishes a command of `bytes` bytes every `period` to whoever listens at `endpoint`, until `stop`.
-///
-/// # Errors
-/// If Zenoh refuses.
-pub fn command(endpoint: &str, period: Duration, bytes: usize, stop: &AtomicBool) -> Result<(), LinkError> {
-    let session = open("connect", endpoint)?;
-    let publisher = session.declare_publisher(COMMAND).wait();
-    let publisher = publisher.map_err(|error| declare(COMMAND, &error))?;
-    let clock = Clock::of_process();
-    let mut due = Instant::now();
-    for number in 1_u64.. {
-        if stop.load(Ordering::Relaxed) {
-            break;
-        }
-        due += period;
-        std::thread::sleep(due.saturating_duration_since(Instant::now()));
-        let sent = clock.now();
-        let mut payload = vec![0; bytes.max(HEAD)];
-        payload[..8].copy_from_slice(&number.to_le_bytes());
-        payload[8..HEAD].copy_from_slice(&sent.0.to_le_bytes());
-        // Nobody may listen yet.
-        let _ = publisher.put(payload).wait();
-    }
-    // What was published before is on its way.
-    let _ = session.close().wait();
-    Ok(())
+/// A payload of at least `bytes` bytes that says which command it is.
+fn payload(bytes: usize, number: u64, sent: Stamp) -> Vec<u8> {
+    let mut payload = vec![0; bytes.max(HEAD)];
+    payload[..8].copy_from_slice(&number.to_le_bytes());
+    payload[8..HEAD].copy_from_slice(&sent.0.to_le_bytes());
+    payload
 }
 
-/// Listens at `endpoint`, answers each command with a setpoint of `bytes` bytes, and tells when each was taken up, until
-/// `stop`. Calls `ready` once it listens.
-///
-/// # Errors
-/// If Zenoh refuses.
-pub fn obey(
-    endpoint: &str,
-    bytes: usize,
-    stop: &Arc<AtomicBool>,
-    ready: impl FnOnce(),
-) -> Result<Vec<Passed>, LinkError> {
-    let session = open("listen", endpoint)?;
-    let setpoints = session.declare_subscriber(SETPOINT).wait();
-    let setpoints = setpoints.map_err(|error| declare(SETPOINT, &error))?;
-    let commands = session.declare_subscriber(COMMAND).wait();
-    let commands = commands.map_err(|error| declare(COMMAND, &error))?;
-    let publisher = session.declare_publisher(SETPOINT).wait();
-    let publisher = publisher.map_err(|error| declare(SETPOINT, &error))?;
-    let stopped = Arc::clone(stop);
-    let arbiter = std::thread::spawn(move || {
-        while !stopped.load(Ordering::Relaxed) {
-            if let Ok(Some(command)) = commands.recv_timeout(LOOK) {
-                let mut payload = vec![0; bytes.max(HEAD)];
-                let head = command.payload().to_bytes();
-                let length = head.len().min(HEAD);
-                payload[..length].copy_from_slice(&head[..length]);
-                // Its own process listens.
-                let _ = publisher.put(payload).wait();
-            }
-        }
-    });
-    ready();
-    let clock = Clock::of_process();
-    let mut passed = Vec::new();
-    while !stop.load(Ordering::Relaxed) {
-        if let Ok(Some(setpoint)) = setpoints.recv_timeout(LOOK) {
-            let arrived = clock.now();
-            let head = setpoint.payload().to_bytes();
-            if let (Some(number), Some(sent)) = (word(&head, 0), word(&head, 8)) {
-                let sent = Stamp(sent);
-                passed.push(Passed { number, sent, arrived });
-            }
-        }
-    }
-    // A thread that panicked answers nothing, which shows in what passed.
-    let _ = arbiter.join();
-    let _ = session.close().wait();
-    Ok(passed)
+/// Number and stamp of a payload.
+fn head(payload: &[u8]) -> Option<(u64, Stamp)> {
+    let word = |at: usize| Some(u64::from_le_bytes(*payload.get(at..)?.first_chunk()?));
+    Some((word(0)?, Stamp(word(8)?)))
 }
 
-fn word(bytes: &[u8], at: usize) -> Option<u64> {
-    let word = bytes.get(at..)?.first_chunk()?;
-    Some(u64::from_le_bytes(*word))
-}
-
-/// As Zenoh comes, but for looking around on the network.
-fn open(side: &str, endpoint: &str) -> Result<zenoh::Session, LinkError> {
+/// As Zenoh comes, but for looking around on the network, and for `mode` if one is given.
+fn open(side: &str, endpoint: &str, mode: Option<&str>) -> Result<zenoh::Session, LinkError> {
     let open = || {
         let mut config = zenoh::Config::default();
         config.insert_json5("scouting/multicast/enabled", "false")?;
         config.insert_json5(&format!("{side}/endpoints"), &format!("[{endpoint:?}]"))?;
         if side == "connect" {
             config.insert_json5("listen/endpoints", "[]")?;
+        }
+        if let Some(mode) = mode {
+            config.insert_json5("mode", &format!("{mode:?}"))?;
         }
         zenoh::open(config).wait()
     };

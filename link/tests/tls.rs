@@ -168,7 +168,7 @@ fn the_right_role_is_heard_and_the_wrong_one_is_not() {
 fn an_operator_reaches_its_own_robots_only() {
     let mut lab = Lab::new();
     let own = Robots::try_from(vec!["panda".to_owned()]).unwrap();
-    lab.issue("anna", Role::Operator, own, Validity::days(1));
+    lab.issue("desk", Role::Operator, own, Validity::days(1));
     let router = lab.listen(Role::Router);
     let arbiter = lab.dial("arbiter");
     let (sender, receiver) = crossbeam_channel::unbounded();
@@ -188,7 +188,7 @@ fn an_operator_reaches_its_own_robots_only() {
         listen("tandem/panda/command", sender),
         listen("tandem/other/command", other),
     );
-    let rogue = lab.rogue(lab.tls("anna")).unwrap();
+    let rogue = lab.rogue(lab.tls("desk")).unwrap();
     let limit = Instant::now() + LIMIT;
     loop {
         assert!(Instant::now() < limit, "its own robot's command arrives");

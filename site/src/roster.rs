@@ -332,7 +332,7 @@ impl Roster {
         self.members.iter().find(|member| member.common_name == common_name)
     }
 
-    /// A common name that no certificate of this site has had: `lab.anna`, then `lab.anna.2` and so on.
+    /// A common name that no certificate of this site has had: `lab.desk`, then `lab.desk.2` and so on.
     #[must_use]
     pub fn fresh_common_name(&self, name: &Name) -> String {
         let plain = format!("{}.{name}", self.site);

@@ -10,6 +10,7 @@ mod clock;
 mod fleet;
 mod latency;
 mod part;
+mod payload;
 mod tap;
 
 use clap::Subcommand;

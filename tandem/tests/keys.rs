@@ -57,9 +57,9 @@ fn a_site_is_made_shown_added_to_and_never_overwritten() {
     let (code, _, why) = desk.run(&["keys", "new", "--site", "lab", "--out", &desk.path("lab")]);
     assert_eq!(code, Some(1));
     assert!(why.contains("never overwritten"), "{why}");
-    let (code, said, _) = desk.on_site(&["keys", "issue", "operator", "--name", "anna", "--robots", "left,right"]);
+    let (code, said, _) = desk.on_site(&["keys", "issue", "operator", "--name", "desk", "--robots", "left,right"]);
     assert!(
-        code == Some(0) && said.contains("anna is operator of left, right"),
+        code == Some(0) && said.contains("desk is operator of left, right"),
         "{said}"
     );
     let (code, shown) = desk.json(&["keys", "show", "--json"]);

@@ -115,6 +115,12 @@ impl Estimator {
         })
     }
 
+    /// How many exchanges count now.
+    #[must_use]
+    pub fn samples(&self) -> usize {
+        self.samples.len()
+    }
+
     /// How often a clock has jumped.
     #[must_use]
     pub const fn steps(&self) -> u32 {

@@ -6,6 +6,9 @@ use tandem_wire::{CLOCK_PEERS, ClockReport, Envelope, MILLISECOND, Nanos, NodeNa
 
 use super::estimator::{Estimator, Exchange, Taken};
 
+/// After so many exchanges a peer's clock is known.
+const KNOWN: usize = 8;
+
 /// Who answers, and what is known of their clocks.
 #[derive(Clone, Debug)]
 pub(super) struct Peers {
@@ -50,6 +53,11 @@ impl Peers {
             peer.wall = i128::from(pong.body.unix_nanos) - i128::from(pong.header.sent.0);
             peer.heard = arrived;
         }
+    }
+
+    /// Whether nobody is there whose clock still has to be found out.
+    pub(super) fn are_known(&self) -> bool {
+        self.known.values().all(|peer| peer.estimator.samples() >= KNOWN)
     }
 
     /// What is known at `now`, when our wall clock shows `unix_nanos`. Who was silent for long is left out from then on.
@@ -125,6 +133,20 @@ mod tests {
                 (NodeName::RobotSim, 1_000_000_000, -3_250_000_000, true)
             ]
         );
+    }
+
+    #[test]
+    fn a_peer_is_new_until_it_has_answered_a_few_times() {
+        let mut peers = peers();
+        assert!(peers.are_known(), "nobody is there");
+        for _ in 1..KNOWN {
+            peers.hear(NodeName::Operator, NOW, &pong(1, 0), NOW);
+            assert!(!peers.are_known());
+        }
+        peers.hear(NodeName::Operator, NOW, &pong(1, 0), NOW);
+        assert!(peers.are_known());
+        peers.hear(NodeName::Arbiter, NOW, &pong(2, 0), NOW);
+        assert!(!peers.are_known());
     }
 
     #[test]

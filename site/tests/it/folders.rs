@@ -21,7 +21,7 @@ fn new(name: &str, role: Role) -> NewMember {
 fn lab(folder: &Path) -> Authority {
     let mut authority = Authority::new(folder, "lab".parse().unwrap()).unwrap();
     authority.issue(new("robot-sim", Role::RobotSim)).unwrap();
-    authority.issue(new("anna", Role::Operator)).unwrap();
+    authority.issue(new("desk", Role::Operator)).unwrap();
     authority
 }
 
@@ -36,12 +36,12 @@ fn refusal(folder: &Path, name: &str) -> String {
 fn whoever_was_issued_a_certificate_is_found_by_its_role() {
     let folder = tempfile::tempdir().unwrap();
     let authority = lab(&folder.path().join("lab"));
-    let anna = authority.site().identity("", Some(Role::Operator)).unwrap();
-    assert_eq!(anna.member.name.as_str(), "anna");
-    assert_eq!(anna.certificate.common_name, "lab.anna");
-    assert_eq!(anna.certificate.issuer, "Tandem site lab");
-    assert!((29..=30).contains(&anna.certificate.days_left()));
-    assert!(anna.certificate.hosts.is_empty(), "an operator is dialled by nobody");
+    let desk = authority.site().identity("", Some(Role::Operator)).unwrap();
+    assert_eq!(desk.member.name.as_str(), "desk");
+    assert_eq!(desk.certificate.common_name, "lab.desk");
+    assert_eq!(desk.certificate.issuer, "Tandem site lab");
+    assert!((29..=30).contains(&desk.certificate.days_left()));
+    assert!(desk.certificate.hosts.is_empty(), "an operator is dialled by nobody");
     let robot = authority.site().identity("robot-sim", Some(Role::RobotSim)).unwrap();
     assert_eq!(robot.certificate.hosts, ["localhost", "127.0.0.1", "::1"]);
 }
@@ -55,11 +55,11 @@ fn private_keys_are_their_owners_alone() {
     let site = folder.path().join("lab");
     lab(&site);
     assert_eq!(mode(&site), 0o700);
-    for key in ["ca.key", "anna.key", "robot-sim.key"] {
+    for key in ["ca.key", "desk.key", "robot-sim.key"] {
         assert_eq!(mode(&site.join(key)), 0o600, "{key}");
     }
-    fs::set_permissions(site.join("anna.key"), fs::Permissions::from_mode(0o640)).unwrap();
-    let why = refusal(&site, "anna");
+    fs::set_permissions(site.join("desk.key"), fs::Permissions::from_mode(0o640)).unwrap();
+    let why = refusal(&site, "desk");
     assert!(why.contains("permissions 0640") && why.contains("chmod 600"), "{why}");
     fs::set_permissions(site.join("ca.key"), fs::Permissions::from_mode(0o604)).unwrap();
     assert!(matches!(
@@ -75,19 +75,19 @@ fn nothing_is_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     let site = folder.path().join("lab");
     let mut authority = lab(&site);
-    let before = fs::read(site.join("anna.key")).unwrap();
+    let before = fs::read(site.join("desk.key")).unwrap();
     assert!(matches!(
         Authority::new(&site, "lab".parse().unwrap()),
         Err(SiteError::Exists { .. })
     ));
-    let why = authority.issue(new("anna", Role::Viewer)).unwrap_err().to_string();
+    let why = authority.issue(new("desk", Role::Viewer)).unwrap_err().to_string();
     assert!(why.contains("revoke it first"), "{why}");
     fs::write(site.join("eve.key"), "somebody's").unwrap();
     assert!(matches!(
         authority.issue(new("eve", Role::Viewer)),
         Err(SiteError::Exists { .. })
     ));
-    assert_eq!(fs::read(site.join("anna.key")).unwrap(), before);
+    assert_eq!(fs::read(site.join("desk.key")).unwrap(), before);
     assert_eq!(fs::read_to_string(site.join("eve.key")).unwrap(), "somebody's");
 }
 
@@ -95,11 +95,11 @@ fn nothing_is_overwritten() {
 fn a_folder_that_lacks_a_file_is_refused_by_the_files_name() {
     let folder = tempfile::tempdir().unwrap();
     assert!(refusal(&folder.path().join("nowhere"), "").contains("tandem keys new"));
-    for lacking in ["site.toml", "ca.pem", "anna.pem", "anna.key"] {
+    for lacking in ["site.toml", "ca.pem", "desk.pem", "desk.key"] {
         let site = folder.path().join(lacking);
         lab(&site);
         fs::remove_file(site.join(lacking)).unwrap();
-        let why = refusal(&site, "anna");
+        let why = refusal(&site, "desk");
         assert!(why.contains(lacking) && why.contains("is missing"), "{why}");
     }
 }
@@ -115,41 +115,41 @@ fn a_spoilt_certificate_or_key_is_refused_in_words() {
         let path = site.join(file);
         let good = fs::read(&path).unwrap();
         fs::write(&path, bytes).unwrap();
-        let why = refusal(&site, "anna");
+        let why = refusal(&site, "desk");
         fs::write(&path, good).unwrap();
         assert!(why.contains(words), "{file}: {why}");
     };
-    let cut = fs::read(site.join("anna.pem")).unwrap();
-    spoil("anna.pem", &cut[..cut.len() / 2], "only part of one");
+    let cut = fs::read(site.join("desk.pem")).unwrap();
+    spoil("desk.pem", &cut[..cut.len() / 2], "only part of one");
     spoil(
-        "anna.pem",
-        &fs::read(other.join("anna.pem")).unwrap(),
+        "desk.pem",
+        &fs::read(other.join("desk.pem")).unwrap(),
         "not signed by this site's authority",
     );
     spoil(
-        "anna.pem",
+        "desk.pem",
         &fs::read(site.join("robot-sim.pem")).unwrap(),
         "does not belong to the certificate",
     );
     spoil(
-        "anna.key",
+        "desk.key",
         &fs::read(site.join("robot-sim.key")).unwrap(),
         "does not belong to the certificate",
     );
-    spoil("anna.key", b"", "not in PEM, or cut off");
+    spoil("desk.key", b"", "not in PEM, or cut off");
     spoil(
         "ca.pem",
         &fs::read(other.join("ca.pem")).unwrap(),
         "not signed by this site's authority",
     );
     let ours = fs::read_to_string(site.join("site.toml")).unwrap();
-    let altered = ours.replace("lab.anna", "lab.hanna");
+    let altered = ours.replace("lab.desk", "lab.dusk");
     spoil(
         "site.toml",
         altered.as_bytes(),
         "not the certificate that site.toml lists",
     );
-    assert!(refusal(&site, "nobody").contains("it has robot-sim, anna"));
+    assert!(refusal(&site, "nobody").contains("it has robot-sim, desk"));
 }
 
 #[test]
@@ -177,28 +177,28 @@ fn whoever_was_revoked_hears_why_and_comes_back_under_another_common_name() {
     let folder = tempfile::tempdir().unwrap();
     let site = folder.path().join("lab");
     let mut authority = lab(&site);
-    fs::copy(site.join("anna.key"), folder.path().join("anna.key")).unwrap();
-    fs::copy(site.join("anna.pem"), folder.path().join("anna.pem")).unwrap();
-    authority.revoke("anna", "laptop lost").unwrap();
-    assert!(authority.revoke("anna", "again").is_err(), "nobody is revoked twice");
-    assert!(authority.site().roster().trusted("anna").is_none());
-    let verdict = authority.site().roster().verdict("lab.anna").unwrap_err();
+    fs::copy(site.join("desk.key"), folder.path().join("desk.key")).unwrap();
+    fs::copy(site.join("desk.pem"), folder.path().join("desk.pem")).unwrap();
+    authority.revoke("desk", "laptop lost").unwrap();
+    assert!(authority.revoke("desk", "again").is_err(), "nobody is revoked twice");
+    assert!(authority.site().roster().trusted("desk").is_none());
+    let verdict = authority.site().roster().verdict("lab.desk").unwrap_err();
     assert!(
         verdict.contains("revoked on") && verdict.contains("laptop lost"),
         "{verdict}"
     );
 
-    let again = authority.issue(new("anna", Role::Operator)).unwrap();
-    assert_eq!(again.common_name, "lab.anna.2");
+    let again = authority.issue(new("desk", Role::Operator)).unwrap();
+    assert_eq!(again.common_name, "lab.desk.2");
     assert_eq!(
-        authority.site().roster().verdict("lab.anna.2").unwrap(),
+        authority.site().roster().verdict("lab.desk.2").unwrap(),
         "operator of all robots"
     );
-    assert!(authority.site().identity("anna", None).is_ok());
-    for file in ["anna.key", "anna.pem"] {
+    assert!(authority.site().identity("desk", None).is_ok());
+    for file in ["desk.key", "desk.pem"] {
         fs::copy(folder.path().join(file), site.join(file)).unwrap();
     }
-    assert!(refusal(&site, "anna").contains("not the certificate that site.toml lists"));
+    assert!(refusal(&site, "desk").contains("not the certificate that site.toml lists"));
 }
 
 #[test]
@@ -207,19 +207,19 @@ fn the_wrong_role_and_the_wrong_robot_are_refused() {
     let mut authority = lab(&folder.path().join("lab"));
     let left = NewMember {
         robots: vec!["left".to_owned()].try_into().unwrap(),
-        ..new("bert", Role::Operator)
+        ..new("bench", Role::Operator)
     };
     authority.issue(left).unwrap();
     let site = authority.site();
-    let why = site.identity("anna", Some(Role::Arbiter)).unwrap_err().to_string();
+    let why = site.identity("desk", Some(Role::Arbiter)).unwrap_err().to_string();
     assert!(why.contains("role operator") && why.contains("needs arbiter"), "{why}");
     let why = site.identity("", Some(Role::Arbiter)).unwrap_err().to_string();
     assert!(why.contains("no key of an arbiter"), "{why}");
     let why = site.identity("", Some(Role::Operator)).unwrap_err().to_string();
-    assert!(why.contains("anna, bert") && why.contains("--member"), "{why}");
-    let bert = site.identity("bert", None).unwrap();
-    assert!(bert.serves(&"left".parse().unwrap()).is_ok());
-    let why = bert.serves(&"right".parse().unwrap()).unwrap_err().to_string();
+    assert!(why.contains("desk, bench") && why.contains("--member"), "{why}");
+    let bench = site.identity("bench", None).unwrap();
+    assert!(bench.serves(&"left".parse().unwrap()).is_ok());
+    let why = bench.serves(&"right".parse().unwrap()).unwrap_err().to_string();
     assert!(why.contains("has to do with left, not with right"), "{why}");
 }
 
@@ -242,7 +242,7 @@ fn only_who_may_listen_passes_for_a_listener_and_only_at_its_hosts() {
         assert_eq!(says("router", host), Ok(()), "{host}");
     }
     assert!(says("router", "192.0.2.8").unwrap_err().contains("--host 192.0.2.8"));
-    let why = says("anna", "127.0.0.1").unwrap_err();
+    let why = says("desk", "127.0.0.1").unwrap_err();
     assert!(
         why.contains("does not name") || why.contains("not meant for this use"),
         "{why}"
@@ -262,7 +262,7 @@ fn a_copy_for_one_machine_is_whole_and_cannot_issue() {
     let authority = lab(&folder.path().join("lab"));
     let site = authority.site();
     let laptop = folder.path().join("laptop");
-    site.copy_for(&site.identity("anna", None).unwrap(), &laptop).unwrap();
+    site.copy_for(&site.identity("desk", None).unwrap(), &laptop).unwrap();
     let copied = Site::open(&laptop).unwrap();
     assert_eq!(
         copied
@@ -270,11 +270,11 @@ fn a_copy_for_one_machine_is_whole_and_cannot_issue() {
             .unwrap()
             .certificate
             .common_name,
-        "lab.anna"
+        "lab.desk"
     );
     assert!(matches!(Authority::open(&laptop), Err(SiteError::Partial { .. })));
     let why = copied.identity("robot-sim", None).unwrap_err().to_string();
     assert!(why.contains("robot-sim.pem is missing"), "{why}");
-    let again = site.copy_for(&site.identity("anna", None).unwrap(), &laptop);
+    let again = site.copy_for(&site.identity("desk", None).unwrap(), &laptop);
     assert!(matches!(again, Err(SiteError::Exists { .. })));
 }

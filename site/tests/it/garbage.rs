@@ -36,7 +36,7 @@ fn a_spoilt_roster_or_certificate_is_refused_and_never_a_panic() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut authority = Authority::new(&folder.path().join("lab"), "lab".parse().expect("a name")).expect("a site");
     let new = NewMember {
-        name: "anna".parse().expect("a name"),
+        name: "desk".parse().expect("a name"),
         role: Role::Operator,
         robots: Robots::All,
         hosts: vec![],
@@ -44,7 +44,7 @@ fn a_spoilt_roster_or_certificate_is_refused_and_never_a_panic() {
     };
     authority.issue(new).expect("a certificate");
     let site = authority.site();
-    let identity = site.identity("anna", None).expect("whole");
+    let identity = site.identity("desk", None).expect("whole");
     let ca = site.ca_pem().expect("there");
     let der = identity.certificate.der.as_ref();
     let pem = std::fs::read(&identity.certificate_file).expect("there");

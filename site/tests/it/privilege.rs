@@ -24,7 +24,7 @@ fn roster() -> Roster {
         .iter()
         .map(|role| member(role.as_str(), *role, &["*"]))
         .collect();
-    members.push(member("anna", Role::Operator, &["left"]));
+    members.push(member("desk", Role::Operator, &["left"]));
     let mut gone = member("gone", Role::Arbiter, &["*"]);
     gone.revoked = Some(tandem_site::Revocation {
         on: "2026-11-22".into(),
@@ -109,7 +109,7 @@ fn an_operator_may_command_its_own_robots_only() {
     for topic in ["command", "lease", "trial"] {
         assert_eq!(
             who_may("ingress", "put", &format!("tandem/left/{topic}")),
-            ["operator", "anna"]
+            ["operator", "desk"]
         );
         assert_eq!(
             who_may("ingress", "put", &format!("tandem/right/{topic}")),
@@ -122,7 +122,7 @@ fn an_operator_may_command_its_own_robots_only() {
 
 #[test]
 fn everybody_may_ping_and_each_node_answers_for_itself() {
-    let nodes = ["operator", "predictor", "arbiter", "robot-sim", "recorder", "anna"];
+    let nodes = ["operator", "predictor", "arbiter", "robot-sim", "recorder", "desk"];
     assert_eq!(who_may("egress", "query", "tandem/left/ping/*"), nodes);
     assert!(who_may("ingress", "query", "tandem/left/ping/*").contains(&"viewer".to_owned()));
     assert_eq!(who_may("ingress", "reply", "tandem/left/ping/arbiter"), ["arbiter"]);
@@ -138,7 +138,7 @@ fn everybody_may_stop_and_strangers_and_the_revoked_may_do_nothing() {
         "robot-sim",
         "recorder",
         "viewer",
-        "anna",
+        "desk",
     ];
     assert_eq!(who_may("ingress", "put", "tandem/left/estop"), all);
     assert_eq!(who_may("ingress", "declare_subscriber", "tandem/left/state"), all);

@@ -1,4 +1,4 @@
-//! `tandem bench bulk`: what a recorder, a viewer and bulk traffic on the link's router cost the commands.
+//! `tandem bench bulk`: what a recorder, one who takes everything and bulk traffic on the link's router cost the commands.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -34,7 +34,7 @@ pub(crate) struct BulkFlags {
     /// Commands a second.
     #[arg(long, default_value_t = 50.0, value_parser = hertz)]
     hz: f64,
-    /// Leaves the bulk traffic out: what recorder and viewer cost by themselves.
+    /// Leaves the bulk traffic out, and who takes it: what the recorder, and the viewer it streams to, cost by themselves.
     #[arg(long)]
     without_bulk: bool,
     /// Lets the recorder stream to the Rerun viewer there, as in rerun+http://127.0.0.1:9876/proxy.
@@ -45,10 +45,25 @@ pub(crate) struct BulkFlags {
     json: bool,
 }
 
+impl BulkFlags {
+    /// What shares the router with the commands, in words.
+    fn load(&self, taken_mb_s: f64) -> String {
+        let recorder = match &self.rerun {
+            Some(url) => format!("a recorder that streams to {url}"),
+            None => "a recorder".to_owned(),
+        };
+        if self.without_bulk {
+            return recorder;
+        }
+        let offered = FLOOD_BYTES_S * 1e-6;
+        format!("{recorder}, {offered:.0} MB/s of bulk, and one who takes everything: {taken_mb_s:.1} MB/s of it")
+    }
+}
+
 struct Round {
     unloaded: Vec<f64>,
     loaded: Vec<f64>,
-    /// What the viewer took, in bytes a second.
+    /// What was taken of the bulk traffic, in bytes a second.
     taken: f64,
 }
 
@@ -75,7 +90,7 @@ pub(crate) fn run(flags: &BulkFlags) -> anyhow::Result<Outcome> {
     let is_kept = later.value <= LIMIT_MS;
     if flags.json {
         let object = json!({"hz": flags.hz, "rounds": flags.rounds, "unloaded": unloaded, "loaded": loaded,
-            "p99_later_ms": later, "p99_ratio": ratio, "bulk_offered_mb_s": offered, "viewer_took_mb_s": taken * 1e-6,
+            "p99_later_ms": later, "p99_ratio": ratio, "bulk_offered_mb_s": offered, "bulk_taken_mb_s": taken * 1e-6,
             "is_within_limit": is_kept});
         println!("{object}");
     } else {
@@ -85,10 +100,7 @@ pub(crate) fn run(flags: &BulkFlags) -> anyhow::Result<Outcome> {
         );
         println!("  alone      {}", unloaded.row());
         println!("  with load  {}", loaded.row());
-        println!(
-            "  load       a recorder, a viewer, {offered:.0} MB/s of bulk; the viewer took {:.1} MB/s",
-            taken * 1e-6
-        );
+        println!("  load       {}", flags.load(taken * 1e-6));
         let (value, low, high) = (later.value, later.low, later.high);
         println!("  p99 later by {value:.2} ms (95 %: {low:.2} to {high:.2}); at most {LIMIT_MS} ms is promised");
         let (value, low, high) = (ratio.value, ratio.low, ratio.high);
@@ -110,7 +122,7 @@ fn interval_of_p99(rounds: &[Round], compare: fn(f64, f64) -> f64) -> anyhow::Re
     Ok(interval_over_rounds(rounds, SEED, figure)?)
 }
 
-/// What each command took, in milliseconds, and what the viewer took, in bytes a second.
+/// What each command took, in milliseconds, and what was taken of the bulk, in bytes a second.
 fn measure(flags: &BulkFlags, lasting: Duration, is_loaded: bool) -> anyhow::Result<(Vec<f64>, f64)> {
     let hz = flags.hz;
     let endpoint = format!("tcp/127.0.0.1:{}", free_port()?);
@@ -127,26 +139,44 @@ fn measure(flags: &BulkFlags, lasting: Duration, is_loaded: bool) -> anyhow::Res
 /// All that shares the router with the commands.
 struct Load {
     recorder: Recorder,
-    viewer: Child,
-    flood: Option<Child>,
+    bulk: Option<Bulk>,
+}
+
+/// Bulk traffic, and one who takes everything.
+struct Bulk {
+    taker: Child,
+    flood: Child,
 }
 
 impl Load {
     fn start(endpoint: &str, flags: &BulkFlags) -> anyhow::Result<Self> {
-        let flood = || Child::start(Part::Flood, endpoint, 50.0, 1);
+        let part = |part| Child::start(part, endpoint, 50.0, 1);
+        let bulk = || -> anyhow::Result<Bulk> {
+            Ok(Bulk {
+                taker: part(Part::Taker)?,
+                flood: part(Part::Flood)?,
+            })
+        };
         Ok(Self {
             recorder: Recorder::start(endpoint, flags.rerun.as_deref())?,
-            viewer: Child::start(Part::Viewer, endpoint, 50.0, 1)?,
-            flood: (!flags.without_bulk).then(flood).transpose()?,
+            bulk: (!flags.without_bulk).then(bulk).transpose()?,
         })
     }
 
+    /// What was taken, in bytes a second.
     fn finish(self) -> anyhow::Result<f64> {
-        let flooded = self.flood.map(Child::finish).transpose()?;
-        let viewed = self.viewer.finish()?;
+        let taken = self.bulk.map_or(Ok(0.0), Bulk::finish);
         drop(self.recorder);
+        taken
+    }
+}
+
+impl Bulk {
+    fn finish(self) -> anyhow::Result<f64> {
+        let flooded = self.flood.finish()?;
+        let taken = self.taker.finish()?;
         // What arrives does so while there is bulk.
-        Ok(viewed.bytes as f64 / flooded.map_or(viewed.seconds, |flooded| flooded.seconds))
+        Ok(taken.bytes as f64 / flooded.seconds)
     }
 }
 

@@ -34,6 +34,10 @@ pub(crate) struct FleetFlags {
     /// Commands a second, for each robot.
     #[arg(long, default_value_t = 100.0, value_parser = hertz)]
     hz: f64,
+    /// Instead of Tandem's nodes: bare Zenoh sessions that send and hear as much. What is late then, Zenoh and this machine
+    /// make late.
+    #[arg(long)]
+    bare: bool,
     /// Prints one JSON object for each number of robots.
     #[arg(long)]
     json: bool,
@@ -77,8 +81,13 @@ pub(crate) fn run(flags: &FleetFlags) -> anyhow::Result<Outcome> {
 fn measure(robots: u32, flags: &FleetFlags) -> anyhow::Result<Fleet> {
     let endpoint = format!("tcp/127.0.0.1:{}", free_port()?);
     let router = Child::start(Part::Router, &endpoint, flags.hz, robots)?;
-    let arms = Child::start(Part::Robots, &endpoint, flags.hz, robots)?;
-    let operators = Child::start(Part::Operators, &endpoint, flags.hz, robots)?;
+    let sides = if flags.bare {
+        [Part::BareRobots, Part::BareOperators]
+    } else {
+        [Part::Robots, Part::Operators]
+    };
+    let arms = Child::start(sides[0], &endpoint, flags.hz, robots)?;
+    let operators = Child::start(sides[1], &endpoint, flags.hz, robots)?;
     std::thread::sleep(Duration::from_nanos(WARM_NS) + Duration::from_secs_f64(flags.seconds));
     // The robots first: they say what has arrived until then.
     let arms = arms.finish()?;

@@ -8,14 +8,14 @@ use std::time::{Duration, Instant};
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 use serde::{Deserialize, Serialize};
-use tandem_link::yardstick::{self, Everything};
+use tandem_link::yardstick::{self, Everything, Fleet, Passed, Side};
 use tandem_link::{Link, LinkSettings, Running};
 use tandem_operator::SourceKind;
 use tandem_trials::Configuration;
-use tandem_wire::codec::{HEADER_BYTES, to_bytes};
-use tandem_wire::{Command, Delivery, MessageId, Pace, Seq, Session, Setpoint, Stamp, Used, Vec3};
+use tandem_wire::{Delivery, Nanos, Pace};
 
 use super::clock::origin_ns;
+use super::payload::{command_bytes, setpoint_bytes, state_bytes};
 use super::tap::{Arrival, Arrivals, Tapped};
 use crate::Outcome;
 use crate::parts::Parts;
@@ -40,10 +40,14 @@ pub(crate) enum Part {
     BareCommand,
     /// Listens: bare Zenoh's arbiter and robot.
     BareObey,
+    /// Dials: a bare session for each operator.
+    BareOperators,
+    /// Dials: a bare session for each robot.
+    BareRobots,
     /// Dials: bulk traffic under a robot's name.
     Flood,
     /// Dials: takes everything about a robot.
-    Viewer,
+    Taker,
 }
 
 #[derive(Args)]
@@ -56,6 +60,12 @@ pub(crate) struct PartFlags {
     hz: f64,
     #[arg(long)]
     robots: u32,
+}
+
+impl PartFlags {
+    fn period(&self) -> Duration {
+        Duration::from_secs_f64(1.0 / self.hz)
+    }
 }
 
 /// What a part tells at its end.
@@ -81,8 +91,10 @@ pub(crate) fn run(flags: &PartFlags) -> anyhow::Result<Outcome> {
         }
         Part::Operators | Part::Robots | Part::Edge => nodes(flags)?,
         Part::BareCommand | Part::BareObey => bare(flags)?,
+        Part::BareOperators => bare_fleet(flags, Side::Operators, command_bytes())?,
+        Part::BareRobots => bare_fleet(flags, Side::Robots, state_bytes())?,
         Part::Flood => flood(flags)?,
-        Part::Viewer => view(flags)?,
+        Part::Taker => take(flags)?,
     };
     told.origin_ns = origin_ns()?;
     println!("{}", serde_json::to_string(&told)?);
@@ -147,8 +159,8 @@ fn nodes(flags: &PartFlags) -> anyhow::Result<Told> {
             running.push(parts.operator(&link, |_| {})?);
         } else {
             running.push(parts.arbiter(&link)?);
-            let tap = arrivals.clone();
-            running.push(parts.robot_sim_as(&link, |robot| Tapped::new(robot, index, tap))?);
+            let (tap, ahead) = (arrivals.clone(), phase(index, flags));
+            running.push(parts.robot_sim_as(&link, |robot| Tapped::new(robot, index, ahead, tap))?);
         }
         links.push(link);
     }
@@ -167,64 +179,44 @@ fn nodes(flags: &PartFlags) -> anyhow::Result<Told> {
     Ok(told)
 }
 
+/// Where in the period a robot's states are due, evenly among the fleet.
+fn phase(index: u32, flags: &PartFlags) -> Nanos {
+    let phase = flags.period() * index / flags.robots;
+    u64::try_from(phase.as_nanos()).unwrap_or(0)
+}
+
 fn bare(flags: &PartFlags) -> anyhow::Result<Told> {
     let stop = asked();
     if flags.part == Part::BareCommand {
         println!("ready");
-        let period = Duration::from_secs_f64(1.0 / flags.hz);
-        yardstick::command(&flags.endpoint, period, command_bytes(), &stop)?;
+        yardstick::command(&flags.endpoint, flags.period(), command_bytes(), &stop)?;
         return Ok(Told::default());
     }
     let passed = yardstick::obey(&flags.endpoint, setpoint_bytes(), &stop, || println!("ready"))?;
-    let arrival = |passed: yardstick::Passed| Arrival {
-        robot: 0,
-        number: passed.number,
-        sent_ns: passed.sent.0,
-        arrived_ns: passed.arrived.0,
-    };
     Ok(Told {
-        arrivals: passed.into_iter().map(arrival).collect(),
+        arrivals: passed.into_iter().map(|passed| arrival(0, passed)).collect(),
         ..Told::default()
     })
 }
 
-const ID: MessageId = MessageId {
-    session: Session(1),
-    seq: Seq(1),
-};
-
-/// As long as an operator's command.
-fn command_bytes() -> usize {
-    let command = Command {
-        seen: Some(ID),
-        ..Command::default()
-    };
-    HEADER_BYTES + to_bytes(&command).len()
+fn bare_fleet(flags: &PartFlags, side: Side, bytes: usize) -> anyhow::Result<Told> {
+    let fleet = Fleet::start(side, flags.robots, &flags.endpoint, flags.period(), bytes)?;
+    ready_until_asked();
+    let of_robot = (0..).zip(fleet.heard());
+    let arrivals = of_robot.flat_map(|(robot, heard)| heard.into_iter().map(move |passed| arrival(robot, passed)));
+    Ok(Told {
+        arrivals: arrivals.collect(),
+        ..Told::default()
+    })
 }
 
-/// As long as the setpoint made of it where nobody forecasts.
-fn setpoint_bytes() -> usize {
-    let used = Used {
-        id: ID,
-        sent: Stamp(0),
-        age: 0,
-    };
-    let setpoint = Setpoint {
-        velocity: Vec3::ZERO,
-        motion: tandem_wire::Motion::Held(tandem_wire::Reason::NoTrial),
-        lease: None,
-        law: tandem_wire::Law::default(),
-        weight: tandem_wire::Finite(1.0),
-        human: Vec3::ZERO,
-        guidance: None,
-        blended: Vec3::ZERO,
-        limited: tandem_wire::Limited::default(),
-        command: Some(used),
-        proposal: None,
-        seen: Some(ID),
-        refused: tandem_wire::Refusals::default(),
-    };
-    HEADER_BYTES + to_bytes(&setpoint).len()
+fn arrival(robot: u32, passed: Passed) -> Arrival {
+    Arrival {
+        robot,
+        number: passed.number,
+        sent_ns: passed.sent.0,
+        arrived_ns: passed.arrived.0,
+    }
 }
 
 fn flood(flags: &PartFlags) -> anyhow::Result<Told> {
@@ -247,7 +239,7 @@ fn flood(flags: &PartFlags) -> anyhow::Result<Told> {
     Ok(told)
 }
 
-fn view(flags: &PartFlags) -> anyhow::Result<Told> {
+fn take(flags: &PartFlags) -> anyhow::Result<Told> {
     let link = Link::open(&link_settings(flags, 0, false))?;
     let everything = Everything::about(&link)?;
     let began = Instant::now();

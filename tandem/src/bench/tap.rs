@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use serde::{Deserialize, Serialize};
 use tandem_robot_sim::{Event, Output, RobotSim};
 use tandem_wire::{
-    Input, Malformed, Memory, MessageId, Node, NodeName, Outbox, Ports, Question, Remember, Stamp, Topic, Turn,
+    Input, Malformed, Memory, MessageId, Nanos, Node, NodeName, Outbox, Ports, Question, Remember, Stamp, Topic, Turn,
 };
 
 /// A command that reached a robot.
@@ -35,18 +35,21 @@ impl Arrivals {
     }
 }
 
-/// The robot, unchanged but for that.
+/// The robot, unchanged but for that, with a clock of its own: it is so much ahead of the process's. Robots that share a
+/// process would otherwise all send their states at the same instant, as robots on machines of their own do not.
 pub(super) struct Tapped {
     robot: RobotSim,
+    ahead: Nanos,
     index: u32,
     arrivals: Arrivals,
     newest: Option<MessageId>,
 }
 
 impl Tapped {
-    pub(super) const fn new(robot: RobotSim, index: u32, arrivals: Arrivals) -> Self {
+    pub(super) const fn new(robot: RobotSim, index: u32, ahead: Nanos, arrivals: Arrivals) -> Self {
         Self {
             robot,
+            ahead,
             index,
             arrivals,
             newest: None,
@@ -70,11 +73,12 @@ impl Node for Tapped {
                 arrived_ns: now.0,
             });
         }
-        self.robot.step(now, event, outbox);
+        self.robot.step(now.after(self.ahead), event, outbox);
     }
 
     fn deadline(&self) -> Option<Stamp> {
-        self.robot.deadline()
+        let due = self.robot.deadline()?;
+        Some(Stamp(due.0.saturating_sub(self.ahead)))
     }
 
     fn trial(&self) -> u32 {
