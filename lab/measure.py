@@ -129,7 +129,7 @@ class Row:
         commands = next((s for s in info["streams"] if s["topic"] == "command"), {"received": 0, "missed": 0})
         # Garbage holds true states with a bit turned, which an observer believes; the robot's own journal it cannot spoil.
         seen = 0 if fault.guest and "garbage" in fault.guest else len(lab.sight.stale())
-        stale = sum(not again["fresh"] for again in self._agains(runs)) + seen
+        recorded = sum(not again["fresh"] for again in self._agains(runs))
         admitted, missed = (sum(run[key] for run in runs) for key in ("setpoints", "setpoints_missed"))
         figures = {
             "group": fault.group,
@@ -151,7 +151,8 @@ class Row:
             "commands_missed": commands["missed"] / max(1, commands["received"] + commands["missed"]),
             "refused": sum(run["refused"] for run in runs),
             "moved": len(self._agains(runs)),
-            "stale": stale,
+            "stale": recorded + seen,
+            "stale_recorded": recorded,
             "incomplete": [run["missing"] for run in runs if run["missing"]],
         }
         figures["troubles"] = self.troubles + self._broken(figures, measured, stops, other)
@@ -196,7 +197,8 @@ class Row:
         if any(stop["drove_on"] for stop in stops):
             broken.append(f"{sum(stop['drove_on'] for stop in stops)} times it drove on")
         if figures["stale"]:
-            broken.append(f"{figures['stale']} times it moved without a fresh press")
+            told = f"{figures['stale_recorded']} by its journal, the rest as the observer saw it"
+            broken.append(f"{figures['stale']} times it moved without a fresh press ({told})")
         if fault.expects == STOPS and not fault.robot_dies and None in measured:
             broken.append(f"{measured.count(None)} times it did not stop")
         if fault.expects == STOPS and len(figures["recovers_s"]) < len(self.repetitions):

@@ -14,7 +14,7 @@ use tandem_trials::{Configuration, Measures, Tracer};
 use tandem_wire::{JournalBatch, NodeName, Pace, Topic, Trial, decode};
 
 use crate::configuration::{self, CommonFlags};
-use crate::nodes::{ViewFlag, tell_of_journal};
+use crate::nodes::{ShowFlags, tell_of_journal};
 use crate::parts::{LOOP, Parts, RunningRecorder, lost};
 use crate::summary::progress;
 use crate::trial::TrialMarks;
@@ -60,13 +60,8 @@ pub(crate) struct DemoFlags {
     /// The session file; the Rerun recording goes beside it [default: sessions/demo-SECONDS.mcap].
     #[arg(long, value_name = "PATH")]
     record: Option<PathBuf>,
-    /// Shows the run live in Rerun: in a viewer of this machine (spawn), in one that listens elsewhere (connect=URL),
-    /// through a server that browsers come to (serve), or writes the recording there (save=PATH.rrd).
-    #[arg(long, value_name = "spawn|serve|connect=URL|save=PATH", num_args = 0..=1, default_missing_value = "spawn")]
-    view: Option<ViewFlag>,
-    /// Draws the arm as this URDF file describes it, with its meshes, instead of its collision shapes.
-    #[arg(long, value_name = "PATH")]
-    urdf: Option<PathBuf>,
+    #[command(flatten)]
+    show: ShowFlags,
     /// Prints the summary as one JSON object.
     #[arg(long)]
     json: bool,
@@ -130,25 +125,16 @@ fn configuration(flags: &DemoFlags) -> anyhow::Result<Configuration> {
     if let Some(folder) = session.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
     }
-    let rrd = session.with_extension("rrd");
     let name = |flag: &dyn std::fmt::Debug| format!("{flag:?}").to_lowercase();
-    let mut overrides = vec![
+    let mut overrides = flags.show.overrides(&session);
+    overrides.extend([
         ("loop.pace", name(&flags.pace)),
-        ("recorder.path", session.display().to_string()),
-        ("recorder.rrd", rrd.display().to_string()),
         ("operator.source", "simulated".to_owned()),
         // A demo is short enough for its index to be kept in memory until the end.
         ("recorder.rrd_index", "true".to_owned()),
-    ];
+    ]);
     overrides.extend(flags.law.map(|law| ("arbiter.law", name(&law))));
     overrides.extend(flags.seed.map(|seed| ("loop.seed", seed.to_string())));
-    overrides.extend(flags.view.iter().flat_map(ViewFlag::overrides));
-    overrides.extend(
-        flags
-            .urdf
-            .iter()
-            .map(|path| ("recorder.urdf", path.display().to_string())),
-    );
     Ok(configuration::load(&flags.common, &overrides)?)
 }
 

@@ -3,6 +3,7 @@
 mod dialling;
 mod process;
 mod recorder;
+mod show;
 
 use std::io::IsTerminal as _;
 use std::ops::ControlFlow;
@@ -24,7 +25,8 @@ use crate::{Outcome, shipped};
 pub(crate) use dialling::{connect, describe};
 pub(crate) use process::tell_of_journal;
 use process::{POLL, Process};
-pub(crate) use recorder::{RecorderFlags, ViewFlag, recorder};
+pub(crate) use recorder::{RecorderFlags, recorder};
+pub(crate) use show::ShowFlags;
 
 /// Flags that say whom to talk to.
 #[derive(Args, Clone, Debug)]

@@ -82,8 +82,8 @@ pub struct Again {
     pub at: Stamp,
     /// By which press.
     pub press: u32,
-    /// Whether this press was made after the stop, as far as the robot can know: it is another one, or a release was heard
-    /// in between; and after a silence it is not the first thing heard.
+    /// Whether this press was made after the stop, as far as the robot can know: it is another one, or another operator's,
+    /// or a release was heard in between; and after a silence it is not the first thing heard.
     pub fresh: bool,
 }
 
@@ -207,23 +207,37 @@ fn between(node: &RobotSim, before: Stamp, after: Stamp, watch: &mut Watch) {
     }
 }
 
+/// A press of the deadman. Each operator numbers its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Press {
+    holder: Option<Session>,
+    number: u32,
+}
+
 /// What is known of the setpoints admitted since motion was last held.
 #[derive(Clone, Copy, Debug, Default)]
 struct Heard {
     /// What came first, if anything did: the press that it permitted motion by, or a word that holds motion.
-    first: Option<Option<u32>>,
+    first: Option<Option<Press>>,
     /// A release was among it.
     released: bool,
 }
 
+const NO_PRESS: Press = Press {
+    holder: None,
+    number: 0,
+};
+
 struct Watch {
     run: RobotRun,
     motion: Option<Motion>,
-    /// The last setpoint that permitted motion and was admitted.
+    /// The last setpoint that permitted motion and was admitted, and by which press.
     permitted: Stamp,
+    press: Press,
     heard: Heard,
-    /// The stop under way, and where the tool was when the arm began to brake.
+    /// The stop under way, the press that had permitted motion, and where the tool was when the arm began to brake.
     open: Option<Stop>,
+    stopped: Press,
     braked_at: Vec3,
     /// How much faster the tool may still become, in metres per second.
     faster: f64,
@@ -246,11 +260,13 @@ impl Watch {
             },
             motion: None,
             permitted: Stamp(0),
+            press: NO_PRESS,
             heard: Heard {
                 first: None,
                 released: false,
             },
             open: None,
+            stopped: NO_PRESS,
             braked_at: Vec3::ZERO,
             faster: 0.0,
             newest: None,
@@ -280,15 +296,18 @@ impl Watch {
         }
         self.run.setpoints += 1;
         let press = match setpoint.body.motion {
-            Motion::Permitted { press } => Some(press),
+            Motion::Permitted { press: number } => {
+                let holder = setpoint.body.lease.map(|lease| lease.holder);
+                Some(Press { holder, number })
+            }
             Motion::Held(reason) => {
                 self.heard.released |= reason == Reason::DeadmanReleased;
                 None
             }
         };
         self.heard.first.get_or_insert(press);
-        if press.is_some() {
-            self.permitted = at;
+        if let Some(press) = press {
+            (self.permitted, self.press) = (at, press);
         }
     }
 
@@ -311,6 +330,7 @@ impl Watch {
             first: (!is_loss(reason)).then_some(None),
             released: reason == Reason::DeadmanReleased,
         };
+        self.stopped = self.press;
         self.open = Some(Stop {
             reason,
             press,
@@ -326,12 +346,12 @@ impl Watch {
     }
 
     fn go(&mut self, at: Stamp, press: u32) {
-        let mut fresh = self.heard.first != Some(Some(press));
+        let mut fresh = self.heard.first != Some(Some(self.press));
         let Some(mut stop) = self.open.take() else {
             self.run.first.get_or_insert(Again { at, press, fresh });
             return;
         };
-        fresh &= press != stop.press || self.heard.released;
+        fresh &= self.press != self.stopped || self.heard.released;
         stop.again = Some(Again { at, press, fresh });
         self.run.stops.push(stop);
     }

@@ -1,7 +1,6 @@
 //! `tandem recorder`: its flags, and the process around it.
 
 use std::path::PathBuf;
-use std::str::FromStr;
 
 use clap::Args;
 use tandem_link::stand_back;
@@ -10,6 +9,7 @@ use tandem_wire::NodeName;
 
 use super::NodeFlags;
 use super::process::Process;
+use super::show::ShowFlags;
 use crate::Outcome;
 use crate::parts::{CLOSE_LIMIT, Parts, lost};
 
@@ -18,70 +18,17 @@ pub(crate) struct RecorderFlags {
     /// The session file; the Rerun recording goes beside it.
     #[arg(long, value_name = "PATH")]
     record: PathBuf,
-    /// Shows the session live in Rerun: in a viewer of this machine (spawn), in one that listens elsewhere
-    /// (connect=URL), through a server that browsers come to (serve), or writes the recording there (save=PATH.rrd).
-    #[arg(long, value_name = "spawn|serve|connect=URL|save=PATH", num_args = 0..=1, default_missing_value = "spawn")]
-    view: Option<ViewFlag>,
-    /// Draws the arm as this URDF file describes it, with its meshes, instead of its collision shapes.
-    #[arg(long, value_name = "PATH")]
-    urdf: Option<PathBuf>,
+    #[command(flatten)]
+    show: ShowFlags,
     #[command(flatten)]
     node: NodeFlags,
-}
-
-/// Where a session is shown.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum ViewFlag {
-    Spawn,
-    Serve,
-    Connect(String),
-    Save(String),
-}
-
-impl FromStr for ViewFlag {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text.split_once('=') {
-            None if text == "spawn" => Ok(Self::Spawn),
-            None if text == "serve" => Ok(Self::Serve),
-            Some(("connect", url)) if !url.is_empty() => Ok(Self::Connect(url.to_owned())),
-            Some(("save", path)) if !path.is_empty() => Ok(Self::Save(path.to_owned())),
-            _ => Err("use spawn, serve, connect=URL or save=PATH".to_owned()),
-        }
-    }
-}
-
-impl ViewFlag {
-    /// The settings that mean the same.
-    pub(crate) fn overrides(&self) -> Vec<(&'static str, String)> {
-        match self {
-            Self::Spawn => vec![("recorder.live", "spawn".to_owned())],
-            Self::Serve => vec![("recorder.live", "serve".to_owned())],
-            Self::Connect(url) => vec![
-                ("recorder.live", "connect".to_owned()),
-                ("recorder.viewer", url.clone()),
-            ],
-            Self::Save(path) => vec![("recorder.rrd", path.clone())],
-        }
-    }
 }
 
 /// `tandem recorder`.
 pub(crate) fn recorder(flags: &RecorderFlags) -> anyhow::Result<Outcome> {
     // Before anything is started: Zenoh's threads, the files' and a viewer that is spawned stand back, too.
     stand_back();
-    let mut overrides = vec![
-        ("recorder.path", flags.record.display().to_string()),
-        ("recorder.rrd", flags.record.with_extension("rrd").display().to_string()),
-    ];
-    overrides.extend(flags.view.iter().flat_map(ViewFlag::overrides));
-    overrides.extend(
-        flags
-            .urdf
-            .iter()
-            .map(|path| ("recorder.urdf", path.display().to_string())),
-    );
+    let overrides = flags.show.overrides(&flags.record);
     let parts = Parts::new(flags.node.configuration(&overrides)?, None)?;
     let sinks = parts.sinks()?;
     let process = match Process::begin(&parts, NodeName::Recorder) {

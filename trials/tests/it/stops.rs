@@ -23,6 +23,8 @@ struct Bench {
     now: Stamp,
     seen: Option<MessageId>,
     seq: u64,
+    /// Which operator's run holds the lease, from 1.
+    operator: u32,
 }
 
 impl Bench {
@@ -35,6 +37,7 @@ impl Bench {
             now: Stamp(0),
             seen: None,
             seq: 0,
+            operator: 1,
         };
         let begin = Trial::Begin {
             number: 1,
@@ -81,8 +84,8 @@ impl Bench {
             velocity,
             seen: self.seen,
             lease: Some(Lease {
-                number: 1,
-                holder: Session(8),
+                number: self.operator,
+                holder: Session(100 + u64::from(self.operator)),
                 name: Label::new("ada"),
             }),
             ..nothing()
@@ -202,6 +205,18 @@ fn motion_by_a_press_that_was_made_after_the_stop_is_fresh() {
     assert_eq!(release.reason, Reason::DeadmanReleased);
     assert!(release.began.expect("it braked").since(release.noticed) < 10 * MILLISECOND);
     assert!(release.again.is_some_and(|again| again.fresh && again.press == 3));
+}
+
+#[test]
+fn another_operators_first_press_is_not_the_last_ones() {
+    let mut bench = Bench::new();
+    bench.flow(RELEASED, 5);
+    bench.flow(pressed(1), 20);
+    bench.flow(Motion::Held(Reason::CommandLost { silent: 100 * MILLISECOND }), 5);
+    bench.operator = 2;
+    bench.flow(pressed(1), 5);
+    let again = only(&bench.found()).again.expect("it moved again");
+    assert!(again.fresh && again.press == 1, "{again:?}");
 }
 
 #[test]
