@@ -14,6 +14,9 @@
 //! jerk is exceeded where the last clamp must act: in three ticks of a million when driven at random against the ends
 //! of every range, never on a path that ships.
 
+mod range;
+mod reference;
+
 use nalgebra::Vector3;
 
 use tandem_wire::{Aabb, Malformed, Memory, Remember, Vec3};
@@ -25,6 +28,9 @@ use crate::kinematics::{
 use crate::panda::{
     ACCELERATION_MAX_RAD_S2, JERK_MAX_RAD_S3, JOINTS, POSITION_MAX_RAD, POSITION_MIN_RAD, PerJoint, SPEED_MAX_RAD_S,
 };
+use range::{hard_speed_range, soft_speed_range};
+pub(crate) use reference::RAMP_SHARE;
+use reference::{Reference, between, room};
 
 /// Length of an inner tick, in seconds.
 pub const TICK_S: f64 = 1e-3;
@@ -69,19 +75,10 @@ pub struct Arm {
     weakest: f64,
 }
 
-/// The point that the tool is held to, and how it moves.
-#[derive(Clone, Debug, PartialEq)]
-struct Reference {
-    position: Vec3,
-    velocity: Vec3,
-}
-
 /// How quickly the tool returns to its reference, per second. A tenth of the planning rate: quick, far from ringing.
 const POSITION_GAIN_PER_S: f64 = 10.0;
 /// The same for orientation.
 const ORIENTATION_GAIN_PER_S: f64 = 10.0;
-/// The reference waits where the tool has fallen behind by this much.
-const LAG_MAX_M: f64 = 0.010;
 /// After a stop the reference is kept if it is this close, so that stops do not add up to a drift.
 const LAG_KEPT_M: f64 = 0.001;
 /// The posture is restored in full only above this tool speed, and not at all at rest: an elbow that moves while the
@@ -91,19 +88,8 @@ const POSTURE_FROM_M_S: f64 = 0.05;
 const SLOWEST: f64 = 0.2;
 /// What a plan may use of a joint's speed and acceleration; the rest is for the clamps below it.
 const PLANNED_SHARE: f64 = 0.9;
-/// What the change of speed, and the braking before the workspace's wall in each axis, may use of the tool's
-/// acceleration: together √(0.8² + 3 · 0.3²) < 1.
-pub(crate) const RAMP_SHARE: f64 = 0.8;
-const WALL_SHARE: f64 = 0.3;
-/// Braking before a wall begins early enough to take this long to begin: the joints follow the reference that late.
-const WALL_REACTION_S: f64 = 4.0 * PLAN_S;
 /// A tool this much faster than it may come at a wall must only brake.
 const WALL_SLACK_M_S: f64 = 0.02;
-/// A plan brakes a joint before this distance from the end of its range, with this share of its acceleration.
-const SOFT_MARGIN_RAD: f64 = 0.010;
-const SOFT_BRAKE_SHARE: f64 = 0.3;
-/// The last clamp brakes with more, later.
-const HARD_BRAKE_SHARE: f64 = 0.9;
 /// What rounding may add to a limit, and how far (in m, and m/s) a reference can be, before an arm that is read back is
 /// one that cannot have been.
 const POSSIBLE: f64 = 1.0 + 1e-9;
@@ -349,85 +335,6 @@ impl Remember for Arm {
         memory.part(weakest)?;
         memory.check(self.is_possible())
     }
-}
-
-impl Reference {
-    /// The velocity one plan from now on the way to `wished`: within the tool's acceleration, and slow enough for
-    /// reference and tool to stop before the wall, whichever is nearer to it.
-    fn ramped(&self, wished: Vec3, tool: Vec3, bounds: &ToolBounds) -> Vec3 {
-        let ((low, high), (tool_low, tool_high)) = (room(self.position, bounds), room(tool, bounds));
-        let (low, high) = (-smaller(-low, -tool_low), smaller(high, tool_high));
-        let inside = |velocity: Vec3| between(velocity, low, high);
-        let change = inside(wished) - self.velocity;
-        inside(self.velocity + change.capped(RAMP_SHARE * bounds.acceleration * PLAN_S))
-    }
-
-    /// Moves on by one plan, unless that would leave the tool too far behind; never through a wall, which rounding to
-    /// whole plans would otherwise do by some micrometres.
-    fn advance(&mut self, velocity: Vec3, lag: Vec3, workspace: &Aabb) {
-        let moved = (self.velocity + velocity) * (0.5 * PLAN_S);
-        self.velocity = velocity;
-        let next = (lag + moved).norm();
-        if next <= LAG_MAX_M || next < lag.norm() {
-            let (back, forth) = (workspace.min - self.position, workspace.max - self.position);
-            self.position = self.position + between(moved, smaller(back, Vec3::ZERO), -smaller(-forth, Vec3::ZERO));
-        }
-    }
-}
-
-/// Each component of `vector`, kept between those of `low` and `high`.
-fn between(vector: Vec3, low: Vec3, high: Vec3) -> Vec3 {
-    Vec3::new(
-        vector.x.clamp(low.x, high.x),
-        vector.y.clamp(low.y, high.y),
-        vector.z.clamp(low.z, high.z),
-    )
-}
-
-/// The velocities, lowest and highest in each axis, from which a point can still be stopped before the wall.
-fn room(point: Vec3, bounds: &ToolBounds) -> (Vec3, Vec3) {
-    let stop = |distance: f64| brake(distance, WALL_SHARE * bounds.acceleration, WALL_REACTION_S);
-    let each = |distance: Vec3| Vec3::new(stop(distance.x), stop(distance.y), stop(distance.z));
-    (-each(point - bounds.workspace.min), each(bounds.workspace.max - point))
-}
-
-/// The smaller of each pair of components.
-fn smaller(a: Vec3, b: Vec3) -> Vec3 {
-    let of = |a: f64, b: f64| if a < b { a } else { b };
-    Vec3::new(of(a.x, b.x), of(a.y, b.y), of(a.z, b.z))
-}
-
-/// The highest speed from which `deceleration` still stops within `distance`, `reaction` seconds from now.
-///
-/// `v·reaction + v²/(2·deceleration) = distance`. With `reaction` one tick this is exact for a motion in ticks: a
-/// speed within the bound leaves a distance from which braking by `deceleration · tick` is within it again.
-fn brake(distance: f64, deceleration: f64, reaction: f64) -> f64 {
-    let lost = deceleration * reaction;
-    (lost * lost + 2.0 * deceleration * distance.max(0.0)).sqrt() - lost
-}
-
-fn soft_speed_range(joint: usize, angle: f64) -> (f64, f64) {
-    let allowed = |distance: f64| {
-        brake(
-            distance - SOFT_MARGIN_RAD,
-            SOFT_BRAKE_SHARE * ACCELERATION_MAX_RAD_S2[joint],
-            2.0 * PLAN_S,
-        )
-    };
-    (
-        -allowed(angle - POSITION_MIN_RAD[joint]),
-        allowed(POSITION_MAX_RAD[joint] - angle),
-    )
-}
-
-fn hard_speed_range(joint: usize, angle: f64) -> (f64, f64) {
-    let allowed = |distance: f64| {
-        brake(distance, HARD_BRAKE_SHARE * ACCELERATION_MAX_RAD_S2[joint], TICK_S).min(SPEED_MAX_RAD_S[joint])
-    };
-    (
-        -allowed(angle - POSITION_MIN_RAD[joint]),
-        allowed(POSITION_MAX_RAD[joint] - angle),
-    )
 }
 
 fn wire(vector: &Vector3<f64>) -> Vec3 {

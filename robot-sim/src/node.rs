@@ -1,19 +1,20 @@
 //! The step machine: one named handler per event, the watchdog, and what is published.
 
 mod lockstep;
+mod memory;
+mod publishing;
 
 use std::sync::Arc;
 
 use tandem_wire::{
-    Emergency, Envelope, Latch, MILLISECOND, Malformed, Memory, Motion, Node, Numbering, Outbox, Pace, Reason, Refusal,
-    Refusals, Remember, Scene, Session, Setpoint, Stamp, State, Timing, Topic, Trial, Unreadable,
+    Emergency, Envelope, Latch, MILLISECOND, Motion, Node, Numbering, Outbox, Pace, Reason, Refusal, Refusals, Scene,
+    Session, Setpoint, Stamp, State, Timing, Topic, Trial, Unreadable,
 };
 
 use crate::config::{LinkName, RobotSimSettings, Surroundings, UnusableScene};
 use crate::hearing::Hearing;
 use crate::inner::Inner;
 use crate::pulse::Pulse;
-use crate::report::{Situation, report};
 use crate::trials::Running;
 
 /// Everything that can happen to the robot.
@@ -80,9 +81,6 @@ pub struct RobotSim {
     next_scene: Stamp,
     closed: bool,
 }
-
-/// How often the scene is repeated in real time, for those who come late.
-const SCENE_PERIOD: u64 = 1000 * MILLISECOND;
 
 impl RobotSim {
     /// A robot that numbers its messages in `session` and stands at the start.
@@ -320,86 +318,12 @@ impl RobotSim {
         self.publish_state(now, outbox);
     }
 
-    fn publish_due(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
-        if self.timing.pace == Pace::Lockstep {
-            return;
-        }
-        if now >= self.next_scene {
-            self.publish_scene(now, outbox);
-        }
-        if now >= self.next_state {
-            self.publish_state(now, outbox);
-        }
-    }
-
-    fn publish_scene(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
-        self.next_scene = next_multiple(now, SCENE_PERIOD);
-        let scene = Arc::clone(&self.surroundings.scene);
-        outbox.push(Output::Scene(self.scenes.envelope(now, self.tick, scene)));
-    }
-
-    fn publish_state(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
-        self.next_state = next_multiple(now, self.timing.stream_period);
-        let situation = Situation {
-            trial: self.trial.number,
-            trial_start: self.trial.start,
-            motion: self.motion,
-            arrivals: self.is_pulsed().then(|| self.pulse.report()),
-            refused: self.hearing.refused(),
-        };
-        let state = report(&mut self.inner, &self.surroundings.scene.obstacles, situation);
-        let state = self.states.envelope(now, self.tick, state);
-        self.hearing.note_state(now, state.header.id());
-        outbox.push(Output::State(state));
-    }
-
     /// In lockstep the robot's own ticks are the time, whatever the caller's clock says.
     fn time(&self, now: Stamp) -> Stamp {
         match self.timing.pace {
             Pace::Real => now.max(self.inner.time()),
             Pace::Lockstep => Stamp::of_tick(self.tick, self.timing.period),
         }
-    }
-}
-
-/// The first multiple of `period` after `now`: late steps skip states instead of sending them in a burst.
-fn next_multiple(now: Stamp, period: u64) -> Stamp {
-    let period = period.max(1);
-    Stamp((now.0 / period).saturating_add(1).saturating_mul(period))
-}
-
-impl Remember for RobotSim {
-    fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
-        let Self {
-            timing: _,
-            surroundings: _,
-            states,
-            scenes,
-            hearing,
-            inner,
-            motion,
-            latch,
-            pulse,
-            trial,
-            tick,
-            in_step,
-            next_state,
-            next_scene,
-            closed,
-        } = self;
-        states.remember(memory)?;
-        scenes.remember(memory)?;
-        hearing.remember(memory)?;
-        inner.remember(memory)?;
-        memory.part(motion)?;
-        memory.part(latch)?;
-        memory.part(pulse)?;
-        memory.part(trial)?;
-        memory.part(tick)?;
-        memory.part(in_step)?;
-        memory.part(next_state)?;
-        memory.part(next_scene)?;
-        memory.part(closed)
     }
 }
 

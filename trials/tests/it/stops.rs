@@ -212,7 +212,12 @@ fn another_operators_first_press_is_not_the_last_ones() {
     let mut bench = Bench::new();
     bench.flow(RELEASED, 5);
     bench.flow(pressed(1), 20);
-    bench.flow(Motion::Held(Reason::CommandLost { silent: 100 * MILLISECOND }), 5);
+    bench.flow(
+        Motion::Held(Reason::CommandLost {
+            silent: 100 * MILLISECOND,
+        }),
+        5,
+    );
     bench.operator = 2;
     bench.flow(pressed(1), 5);
     let again = only(&bench.found()).again.expect("it moved again");
