@@ -210,7 +210,12 @@ impl RobotSim {
                 Pace::Real => self.next_state.max(self.inner.time().after(MILLISECOND)),
                 Pace::Lockstep => Stamp(u64::MAX),
             };
+            let before = left;
             left = self.run_to(until.0 / MILLISECOND, left);
+            if left == before {
+                // At the end of all time none is left to come to rest in.
+                break;
+            }
             self.publish_state(self.time(self.inner.time()), outbox);
         }
         self.closed = true;

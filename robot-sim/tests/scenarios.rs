@@ -301,6 +301,21 @@ fn a_robot_that_shuts_down_brings_a_moving_arm_to_rest_within_its_limits_first()
 }
 
 #[test]
+fn a_robot_that_shuts_down_at_the_end_of_all_time_ends() {
+    let end = u64::MAX / tandem_wire::MILLISECOND;
+    let mut stage = Stage::real();
+    stage.now = at(end - 500);
+    stage.step(Event::Wake);
+    stage.stream(at(end - 400), RELEASED, Vec3::ZERO);
+    stage.stream(at(end - 30), pressed(1), RIGHT);
+    stage.now = tandem_wire::Stamp(u64::MAX);
+    assert!(!stage.state().body.at_rest, "it moves");
+    let before = stage.states.len();
+    stage.step(Event::Stop);
+    assert!(stage.states.len() - before < 10);
+}
+
+#[test]
 fn a_stop_that_takes_twenty_seconds_is_not_cut_short_by_a_process_that_slept() {
     let settings = RobotSimSettings {
         tool_acceleration_m_s2: 0.1,
