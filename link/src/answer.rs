@@ -6,7 +6,6 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
 
 use crossbeam_channel::{Sender, bounded};
 use tandem_wire::{Envelope, Header, JournalBatch, NodeName, Question, RobotName, Seq, Session, Topic, encode};
@@ -16,13 +15,10 @@ use zenoh::query::{ConsolidationMode, Query, Queryable};
 
 use crate::Clock;
 use crate::entrance::Entrance;
-use crate::net::{Link, LinkError, declare};
+use crate::net::{Link, LinkError, QUERY_TIMEOUT, declare};
 use crate::running::Item;
 use crate::spool::Spool;
 
-/// A question whose end gets lost with its answer is given up after this time: on a line of 2 Mbit/s, several times what an
-/// answer takes.
-const TIMEOUT: Duration = Duration::from_secs(2);
 /// Questions that may wait for their answers.
 const QUESTIONS: usize = 16;
 
@@ -119,7 +115,7 @@ impl Asker {
             .session
             .get(selector)
             .consolidation(ConsolidationMode::None)
-            .timeout(TIMEOUT)
+            .timeout(QUERY_TIMEOUT)
             .priority(Priority::DataLow)
             .congestion_control(CongestionControl::Drop);
         // A session that is closed gives no answer, and says so by dropping the callback.

@@ -6,7 +6,7 @@ use super::missing::Missing;
 use crate::heard::{JournalPart, Level, Note};
 
 /// An answer that takes longer does not come.
-const PATIENCE: Nanos = 3 * SECOND;
+const PATIENCE: Nanos = 6 * SECOND;
 /// Unanswered questions are put again after this time, so often.
 const AGAIN: Nanos = SECOND;
 pub(super) const TRIES: u32 = 3;
