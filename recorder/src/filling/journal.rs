@@ -7,6 +7,8 @@ use crate::heard::{JournalPart, Level, Note};
 
 /// An answer that takes longer does not come.
 const PATIENCE: Nanos = 6 * SECOND;
+/// An open question holds those to other nodes up for no longer.
+const TURN: Nanos = SECOND / 5;
 /// Unanswered questions are put again after this time, so often.
 const AGAIN: Nanos = SECOND;
 pub(super) const TRIES: u32 = 3;
@@ -19,6 +21,8 @@ pub(super) struct Journal {
     next: u64,
     missing: Missing,
     asked: Option<Asked>,
+    /// When the last question was put.
+    turn: Stamp,
     tries: u32,
     again: Stamp,
     /// Its node vanished: nobody answers.
@@ -73,24 +77,46 @@ impl Journal {
         self.heard
     }
 
-    /// The next question, which is then open.
-    pub(super) fn ask(&mut self, now: Stamp, closing: bool) -> Option<(u64, u64)> {
-        if self.gone || self.asked.is_some() || now < self.again {
-            return None;
-        }
+    /// Until when its open question holds those to other nodes up.
+    pub(super) fn holds_up(&self) -> Option<Stamp> {
+        Some(self.asked?.at.after(TURN))
+    }
+
+    /// When the last question was put.
+    pub(super) const fn turn(&self) -> Stamp {
+        self.turn
+    }
+
+    /// Whether a question is due.
+    pub(super) fn is_due(&self, now: Stamp, closing: bool) -> bool {
+        self.due(closing).is_some_and(|due| due <= now)
+    }
+
+    /// From when a question is due.
+    fn due(&self, closing: bool) -> Option<Stamp> {
+        let is_idle = !self.gone && self.asked.is_none();
+        (is_idle && (!self.missing.is_empty() || self.wants_end(closing))).then_some(self.again)
+    }
+
+    const fn wants_end(&self, closing: bool) -> bool {
+        closing && !self.end_asked
+    }
+
+    /// The question that is due, which is then open.
+    pub(super) fn ask(&mut self, now: Stamp) -> (u64, u64) {
         let (first, last) = match self.missing.oldest() {
             Some((from, to)) => (from, to.saturating_sub(1)),
-            None if closing && !self.end_asked => {
+            None => {
                 self.end_asked = true;
                 (self.next, u64::MAX)
             }
-            None => return None,
         };
         self.asked = Some(Asked { first, last, at: now });
+        self.turn = now;
         if !self.missing.is_empty() {
             self.fetching.get_or_insert((now, 0));
         }
-        Some((first, last))
+        (first, last)
     }
 
     /// Takes in the answer to a question.
@@ -165,13 +191,11 @@ impl Journal {
         self.gone || (self.missing.is_empty() && self.asked.is_none() && self.end_asked)
     }
 
-    /// When a question is due, or an answer overdue.
-    pub(super) fn deadline(&self) -> Option<Stamp> {
+    /// When a question is due, others holding it up until `held`, or an answer overdue.
+    pub(super) fn deadline(&self, closing: bool, held: Stamp) -> Option<Stamp> {
         match self.asked {
-            _ if self.gone => None,
             Some(asked) => Some(asked.at.after(PATIENCE)),
-            None if self.missing.is_empty() => None,
-            None => Some(self.again),
+            None => Some(self.due(closing)?.max(held)),
         }
     }
 }

@@ -5,8 +5,12 @@ use tandem_wire::{Header, Seq};
 use super::*;
 
 fn part(first: u64, entries: u64) -> JournalPart {
+    part_of(NodeName::Arbiter, first, entries)
+}
+
+fn part_of(node: NodeName, first: u64, entries: u64) -> JournalPart {
     JournalPart {
-        node: NodeName::Arbiter,
+        node,
         header: Header {
             tick: 0,
             session: Session(5),
@@ -54,6 +58,35 @@ fn a_late_start_and_a_gap_are_asked_for_one_after_the_other_until_they_are_there
     assert_eq!(answer(&mut filling, 3, 60, 40), (true, vec![(110, 119)]));
     assert_eq!(answer(&mut filling, 4, 110, 10), (true, vec![]));
     assert_eq!(filling.deadline(), None);
+}
+
+#[test]
+fn journals_take_turns_and_one_that_is_not_answered_holds_the_others_up_for_a_while() {
+    let (arbiter, robot) = (NodeName::Arbiter, NodeName::RobotSim);
+    let mut filling = Filling::default();
+    let mut hear = |at, node| {
+        after(&mut filling, |filling, outbox| {
+            filling.hear(Stamp(at), &part_of(node, 100, 10), outbox)
+        })
+    };
+    assert_eq!(hear(1, arbiter), [(0, 99)]);
+    assert_eq!(hear(2, robot), []);
+    // The arbiter answers in part; it is the robot's turn.
+    let mut outbox = Outbox::default();
+    filling.answer(Stamp(3), &part_of(arbiter, 0, 60), &mut outbox);
+    let asked = |outbox: &Outbox<Output>| match outbox.as_slice() {
+        [Output::Ask(question)] => Some((question.node, question.first)),
+        _ => None,
+    };
+    assert_eq!(asked(&outbox), Some((robot, 0)));
+    // The robot does not: the arbiter has its turn once the robot had enough time.
+    let held = filling.deadline().expect("a turn");
+    let mut outbox = Outbox::default();
+    filling.ask(Stamp(held.0 - 1), &mut outbox);
+    assert_eq!(asked(&outbox), None);
+    filling.ask(held, &mut outbox);
+    assert_eq!(asked(&outbox), Some((arbiter, 60)));
+    assert!(filling.deadline().is_some_and(|next| next > held));
 }
 
 #[test]
