@@ -11,6 +11,14 @@ use crate::net::LinkError;
 /// Where a process connects if nothing else is said, and where the README's recipe listens.
 pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
 
+/// Messages of each of our classes but bulk that may wait for each link. Zenoh comes with two. Whoever publishes a third
+/// waits for a millisecond, then drops it: a node that does so on the thread that receives keeps all others waiting.
+const WAITING: usize = 8;
+
+/// Batches of 64 KiB of bulk that may wait for each link. An answer about a journal takes five; with two, Zenoh drops
+/// answers, and the word that they have ended with them.
+const WAITING_BULK: usize = 16;
+
 /// Where a session listens and whom it dials, and as whom.
 #[derive(Clone, Debug)]
 pub struct Reach {
@@ -96,6 +104,11 @@ impl Reach {
             "endpoints": self.connect, "timeout_ms": -1, "exit_on_failure": false,
             "retry": { "period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2 },
         });
+        let waiting = &mut config["transport"]["link"]["tx"]["queue"]["size"];
+        for class in ["real_time", "interactive_high", "data_high"] {
+            waiting[class] = json!(WAITING);
+        }
+        waiting["data_low"] = json!(WAITING_BULK);
         config["scouting"] = json!({ "multicast": { "enabled": false }, "gossip": { "enabled": false } });
         config
     }
