@@ -36,7 +36,7 @@ pub struct ShellOptions {
 
 impl ShellOptions {
     /// Inputs that may wait for a node that decides: at the rates of a session far more than it may be behind.
-    pub const QUEUE: usize = 4096;
+    pub const QUEUE: usize = 512;
 }
 
 /// What became of a node's run.
