@@ -231,6 +231,12 @@ impl Link {
         }
     }
 
+    /// The same session, about another robot: for a process that has several.
+    #[must_use]
+    pub fn about(&self, robot: RobotName) -> Self {
+        Self { robot, ..self.clone() }
+    }
+
     /// The robot that this link is about.
     #[must_use]
     pub const fn robot(&self) -> &RobotName {

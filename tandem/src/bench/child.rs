@@ -21,6 +21,17 @@ pub(super) struct Child {
 impl Child {
     /// Starts a part and waits until it is ready.
     pub(super) fn start(part: Part, endpoint: &str, hz: f64, robots: u32) -> anyhow::Result<Self> {
+        Self::start_together(part, endpoint, hz, robots, 1)
+    }
+
+    /// The same, with so many robots to a session.
+    pub(super) fn start_together(
+        part: Part,
+        endpoint: &str,
+        hz: f64,
+        robots: u32,
+        together: u32,
+    ) -> anyhow::Result<Self> {
         let name = part
             .to_possible_value()
             .context("a part has a name")?
@@ -29,6 +40,7 @@ impl Child {
         let mut command = Command::new(std::env::current_exe().context("cannot find this program")?);
         command.args(["bench", "part", &name, "--endpoint", endpoint]);
         command.args(["--hz", &hz.to_string(), "--robots", &robots.to_string()]);
+        command.args(["--together", &together.to_string()]);
         if matches!(part, Part::BareCommand | Part::BareObey) {
             command.env("ZENOH_RUNTIME", AS_ZENOH_COMES);
         }

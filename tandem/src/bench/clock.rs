@@ -1,4 +1,6 @@
-//! One clock for the processes of one machine.
+//! One clock for the processes of one machine, and what they take of its processors.
+
+use std::time::Duration;
 
 use tandem_link::Clock;
 
@@ -27,6 +29,28 @@ pub(super) fn origin_ns() -> anyhow::Result<i64> {
         }
     }
     best.map(|(_, origin)| origin).context("a clock")
+}
+
+/// What this process has had of the processors until now.
+///
+/// # Errors
+/// Where the system does not tell.
+#[cfg(unix)]
+pub(super) fn processor_time() -> anyhow::Result<Duration> {
+    use anyhow::Context as _;
+    use nix::time::{ClockId, clock_gettime};
+
+    let shown = clock_gettime(ClockId::CLOCK_PROCESS_CPUTIME_ID).context("this process's processor time")?;
+    Ok(Duration::from(shown))
+}
+
+/// See the other one.
+///
+/// # Errors
+/// Always.
+#[cfg(not(unix))]
+pub(super) fn processor_time() -> anyhow::Result<Duration> {
+    anyhow::bail!("this measurement needs a process's processor time, as Linux and macOS tell it")
 }
 
 /// See the other one.

@@ -38,6 +38,9 @@ pub(crate) struct FleetFlags {
     /// make late.
     #[arg(long)]
     bare: bool,
+    /// Lets so many robots share a session, and so many operators: as many arms of one cell, steered from one desk.
+    #[arg(long, default_value_t = 1, conflicts_with = "bare", value_parser = clap::value_parser!(u32).range(1..))]
+    together: u32,
     /// Prints one JSON object for each number of robots.
     #[arg(long)]
     json: bool,
@@ -54,8 +57,17 @@ struct Fleet {
     late: u64,
     /// The latter.
     lost: u64,
+    busy: Busy,
     #[serde(flatten)]
     figures: Figures,
+}
+
+/// How many processors each process kept busy.
+#[derive(Clone, Copy, Serialize)]
+struct Busy {
+    router: f64,
+    robots: f64,
+    operators: f64,
 }
 
 pub(crate) fn run(flags: &FleetFlags) -> anyhow::Result<Outcome> {
@@ -86,18 +98,23 @@ fn measure(robots: u32, flags: &FleetFlags) -> anyhow::Result<Fleet> {
     } else {
         [Part::Robots, Part::Operators]
     };
-    let arms = Child::start(sides[0], &endpoint, flags.hz, robots)?;
-    let operators = Child::start(sides[1], &endpoint, flags.hz, robots)?;
+    let side = |side| Child::start_together(side, &endpoint, flags.hz, robots, flags.together);
+    let arms = side(sides[0])?;
+    let operators = side(sides[1])?;
     std::thread::sleep(Duration::from_nanos(WARM_NS) + Duration::from_secs_f64(flags.seconds));
     // The robots first: they say what has arrived until then.
     let arms = arms.finish()?;
     let operators = operators.finish()?;
-    router.finish()?;
-    Fleet::of(robots, flags.hz, &arms, &operators)
+    let busy = Busy {
+        router: router.finish()?.busy,
+        robots: arms.busy,
+        operators: operators.busy,
+    };
+    Fleet::of(robots, flags.hz, busy, &arms, &operators)
 }
 
 impl Fleet {
-    fn of(robots: u32, hz: f64, arms: &Told, operators: &Told) -> anyhow::Result<Self> {
+    fn of(robots: u32, hz: f64, busy: Busy, arms: &Told, operators: &Told) -> anyhow::Result<Self> {
         let mut of_robot: BTreeMap<u32, Vec<_>> = BTreeMap::new();
         for arrival in &arms.arrivals {
             of_robot.entry(arrival.robot).or_default().push(arrival);
@@ -131,6 +148,7 @@ impl Fleet {
             ticks,
             late: slow + lost,
             lost,
+            busy,
             figures: Figures::of(latencies).context("no command reached a robot in time to count")?,
         })
     }
@@ -145,12 +163,19 @@ impl Fleet {
             ticks,
             late,
             lost,
+            busy,
             ..
         } = self;
         let rate = *late as f64 / *ticks as f64;
         let kept = if self.is_kept() { "" } else { "  TOO MANY" };
+        let counts = format!("{ticks:>8} ticks  {late:>6} late ({rate:.1e}), {lost} of them lost{kept}");
+        let processors = format!(
+            "processors busy: router {:.2}, robots {:.2}, operators {:.2}",
+            busy.router, busy.robots, busy.operators
+        );
+        let indent = " ".repeat(13);
         format!(
-            "{robots:>4} robots  {ticks:>8} ticks  {late:>6} late ({rate:.1e}), {lost} of them lost{kept}\n             {}",
+            "{robots:>4} robots  {counts}\n{indent}{}\n{indent}{processors}",
             self.figures.row()
         )
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::bail;
+use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
 use serde::{Deserialize, Serialize};
 use tandem_link::yardstick::{self, Everything, Fleet, Passed, Side};
@@ -14,7 +14,7 @@ use tandem_operator::SourceKind;
 use tandem_trials::Configuration;
 use tandem_wire::{Delivery, Nanos, Pace};
 
-use super::clock::origin_ns;
+use super::clock::{origin_ns, processor_time};
 use super::payload::{command_bytes, setpoint_bytes, state_bytes};
 use super::tap::{Arrival, Arrivals, Tapped};
 use crate::Outcome;
@@ -60,6 +60,9 @@ pub(crate) struct PartFlags {
     hz: f64,
     #[arg(long)]
     robots: u32,
+    /// How many robots share a session.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    together: u32,
 }
 
 impl PartFlags {
@@ -73,6 +76,8 @@ impl PartFlags {
 pub(super) struct Told {
     /// Where this process's clock has its zero, on the machine's.
     pub(super) origin_ns: i64,
+    /// How many processors it kept busy, from when it was ready until it was asked to end.
+    pub(super) busy: f64,
     /// Commands that reached robots.
     pub(super) arrivals: Vec<Arrival>,
     /// Bytes taken or given.
@@ -85,9 +90,12 @@ pub(crate) fn run(flags: &PartFlags) -> anyhow::Result<Outcome> {
     let mut told = match flags.part {
         Part::Router => {
             let link = Link::open(&link_settings(flags, 0, true))?;
-            ready_until_asked();
+            let busy = ready_until_asked()?;
             link.close();
-            Told::default()
+            Told {
+                busy,
+                ..Told::default()
+            }
         }
         Part::Operators | Part::Robots | Part::Edge => nodes(flags)?,
         Part::BareCommand | Part::BareObey => bare(flags)?,
@@ -123,10 +131,13 @@ fn link_settings(flags: &PartFlags, index: u32, listens: bool) -> LinkSettings {
     }
 }
 
-fn ready_until_asked() {
+/// Returns how many processors this process kept busy meanwhile.
+fn ready_until_asked() -> anyhow::Result<f64> {
     println!("ready");
+    let (began, before) = (Instant::now(), processor_time()?);
     // A parent that is gone asks, too.
     let _ = std::io::stdin().read_to_end(&mut Vec::new());
+    Ok((processor_time()? - before).as_secs_f64() / began.elapsed().as_secs_f64())
 }
 
 /// Raised once the parent asks for the end.
@@ -140,11 +151,11 @@ fn asked() -> Arc<AtomicBool> {
     stop
 }
 
-/// Real nodes with a session for each robot. The robots' first words need no trial: commands are decided upon and obeyed, if
+/// Real nodes, with a session for each robot or for so many of them together. The robots' first words need no trial: commands are decided upon and obeyed, if
 /// only by standing still.
 fn nodes(flags: &PartFlags) -> anyhow::Result<Told> {
     let arrivals = Arrivals::default();
-    let mut links = Vec::new();
+    let mut sessions: Vec<Link> = Vec::new();
     let mut running: Vec<Running> = Vec::new();
     for index in 0..flags.robots {
         let mut configuration = Configuration {
@@ -154,7 +165,11 @@ fn nodes(flags: &PartFlags) -> anyhow::Result<Told> {
         configuration.rates.stream_hz = flags.hz;
         configuration.operator.source = SourceKind::Simulated;
         let parts = Parts::new(configuration, None)?;
-        let link = Link::open(parts.link_settings())?;
+        if index % flags.together == 0 {
+            sessions.push(Link::open(parts.link_settings())?);
+        }
+        let session = sessions.last().context("the first robot opens one")?;
+        let link = session.about(robot_name(index).parse()?);
         if flags.part == Part::Operators {
             running.push(parts.operator(&link, |_| {})?);
         } else {
@@ -162,10 +177,10 @@ fn nodes(flags: &PartFlags) -> anyhow::Result<Told> {
             let (tap, ahead) = (arrivals.clone(), phase(index, flags));
             running.push(parts.robot_sim_as(&link, |robot| Tapped::new(robot, index, ahead, tap))?);
         }
-        links.push(link);
     }
-    ready_until_asked();
+    let busy = ready_until_asked()?;
     let told = Told {
+        busy,
         arrivals: arrivals.take(),
         ..Told::default()
     };
@@ -175,7 +190,7 @@ fn nodes(flags: &PartFlags) -> anyhow::Result<Told> {
             bail!("a node panicked: please report this");
         }
     }
-    links.iter().for_each(Link::close);
+    sessions.iter().for_each(Link::close);
     Ok(told)
 }
 
@@ -201,10 +216,11 @@ fn bare(flags: &PartFlags) -> anyhow::Result<Told> {
 
 fn bare_fleet(flags: &PartFlags, side: Side, bytes: usize) -> anyhow::Result<Told> {
     let fleet = Fleet::start(side, flags.robots, &flags.endpoint, flags.period(), bytes)?;
-    ready_until_asked();
+    let busy = ready_until_asked()?;
     let of_robot = (0..).zip(fleet.heard());
     let arrivals = of_robot.flat_map(|(robot, heard)| heard.into_iter().map(move |passed| arrival(robot, passed)));
     Ok(Told {
+        busy,
         arrivals: arrivals.collect(),
         ..Told::default()
     })
@@ -243,7 +259,7 @@ fn take(flags: &PartFlags) -> anyhow::Result<Told> {
     let link = Link::open(&link_settings(flags, 0, false))?;
     let everything = Everything::about(&link)?;
     let began = Instant::now();
-    ready_until_asked();
+    ready_until_asked()?;
     let told = Told {
         bytes: everything.bytes(),
         seconds: began.elapsed().as_secs_f64(),
