@@ -4,9 +4,9 @@
 //! recorder came, an end that was lost) is asked for, and asked again a few times where no answer comes. Only what was
 //! asked for is taken.
 //!
-//! Journals take turns: the next question is put when the one before is answered, or has been waiting for a while. An answer
-//! may fill the queue of bulk traffic on its way, and Zenoh drops what finds it full: of four nodes that answered at once
-//! two were not heard, nor that their answers had ended, which costs six seconds.
+//! Journals take turns: the next question is put when the one before is answered, or has been waiting for a while. An
+//! answer may fill the queue of bulk traffic on its way, and Zenoh drops what finds it full: of four nodes that answered at
+//! once two were not heard, nor that their answers had ended, which costs six seconds.
 //!
 //! ```text
 //!   part ──▶ something is missing ──▶ question ──▶ answer: taken out of what is missing ──┐

@@ -151,8 +151,8 @@ fn asked() -> Arc<AtomicBool> {
     stop
 }
 
-/// Real nodes, with a session for each robot or for so many of them together. The robots' first words need no trial: commands are decided upon and obeyed, if
-/// only by standing still.
+/// Real nodes, with a session for each robot or for so many of them together. The robots' first words need no trial: commands
+/// are decided upon and obeyed, if only by standing still.
 fn nodes(flags: &PartFlags) -> anyhow::Result<Told> {
     let arrivals = Arrivals::default();
     let mut sessions: Vec<Link> = Vec::new();
