@@ -37,21 +37,23 @@ class Bench:
                 self.head, self.state = wire.decode("state", data)
 
     def say(self, suffix, session, body, seq=1):
-        self.take(self.robot.hear(self.now, suffix, wire.encode(suffix, wire.header(0, session, seq, 0), body)))
+        name = suffix.removesuffix("/clear")
+        self.take(self.robot.hear(self.now, suffix, wire.encode(name, wire.header(0, session, seq, 0), body)))
 
-    def setpoint(self, motion, velocity=(0.1, 0.0, 0.0), seen="newest", seq=None):
+    def setpoint(self, motion, velocity=(0.1, 0.0, 0.0), seen="newest", seq=None, command=None):
         self.seq += 1
         body = {
             "velocity": velocity if motion[0] == "Permitted" else (0.0, 0.0, 0.0),
             "motion": motion,
             "lease": self.lease,
+            "asks": None,
             "law": "Human",
             "weight": 1.0,
             "human": velocity,
             "guidance": None,
             "blended": velocity,
             "limited": {"workspace": False, "speed": False, "acceleration": False},
-            "command": None,
+            "command": command,
             "proposal": None,
             "seen": wire.identity(self.head) if seen == "newest" else seen,
             "refused": {"count": 0, "last": None},
@@ -157,6 +159,16 @@ def numbers_are_checked():
         assert bench.refused() == why, (bench.refused(), why)
 
 
+def a_command_that_answers_an_old_state_moves_nothing_however_fresh_the_arbiter_is():
+    bench = Bench()
+    bench.drive()
+    used = {"id": {"session": OPERATOR, "seq": 1}, "sent": 0, "age": 0, "seen": wire.identity(bench.head)}
+    bench.flow(("Permitted", {"press": 1}), 20, command=used)
+    assert bench.reason() is None
+    bench.flow(("Permitted", {"press": 1}), 20, command=used)
+    assert bench.reason() == "LoopTooOld"
+
+
 def a_second_arbiter_is_not_heard():
     bench = Bench()
     bench.drive()
@@ -164,6 +176,10 @@ def a_second_arbiter_is_not_heard():
     bench.setpoint(("Permitted", {"press": 9}))
     bench.idle(20)
     assert bench.refused() == "ForeignSession"
+    bench.idle(200)
+    bench.setpoint(("Permitted", {"press": 9}))
+    bench.idle(20)
+    assert bench.refused() == "ForeignSession", "one that falters keeps its place for a second"
 
 
 def an_outdated_lease_is_refused_and_a_missing_one_holds():
@@ -191,10 +207,16 @@ def an_emergency_stop_stays_until_it_is_cleared_by_its_name():
     bench.drive()
     bench.say("estop", 5, ("Stop", {"by": "ada"}), seq=3)
     assert bench.reason() == "EmergencyStop", "acknowledged at once"
-    bench.say("estop", 6, ("Clear", {"stop": {"session": 5, "seq": 2}, "by": "eve"}))
+    bench.say("estop/clear", 6, ("Clear", {"stop": {"session": 5, "seq": 2}, "by": "eve"}))
     bench.drive(press=2)
     assert bench.reason() == "EmergencyStop" and bench.state["at_rest"]
     bench.say("estop", 6, ("Clear", {"stop": {"session": 5, "seq": 4}, "by": "ada"}), seq=2)
+    bench.idle(20)
+    assert bench.refused() == "Unreadable", "who may stop may not therefore let go"
+    bench.say("estop", 7, ("Stop", {"by": "bob"}))
+    bench.say("estop/clear", 6, ("Clear", {"stop": {"session": 7, "seq": 1}, "by": "ada"}), seq=2)
+    assert bench.reason() == "EmergencyStop", "every stop has to be cleared"
+    bench.say("estop/clear", 6, ("Clear", {"stop": {"session": 5, "seq": 4}, "by": "ada"}), seq=3)
     bench.say("estop", 5, ("Stop", {"by": "ada"}), seq=4)
     bench.flow(("Permitted", {"press": 2}), 5)
     assert bench.reason() == "AwaitingPress", bench.state["motion"]

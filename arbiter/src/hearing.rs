@@ -270,12 +270,13 @@ impl<M: Copy> Heard<M> {
         }
     }
 
-    /// How the setpoint's record names it.
-    pub(crate) fn used(&self, now: Stamp) -> Used {
+    /// How the setpoint's record names it; `seen` is what it answers.
+    pub(crate) fn used(&self, now: Stamp, seen: Option<MessageId>) -> Used {
         Used {
             id: self.header.id(),
             sent: self.header.sent,
             age: now.since(self.arrived),
+            seen,
         }
     }
 }

@@ -55,8 +55,9 @@ struct Seat {
     command: Option<Heard<Command>>,
     /// A command was dropped for its loop age since the last one that was admitted.
     too_old: bool,
-    /// Its claims.
+    /// Its claims, but for take-overs.
     claims: Guard,
+    take_overs: Guard,
     /// When its deadman was last held, or it took over.
     held: Stamp,
 }
@@ -68,6 +69,8 @@ pub(crate) struct Desk {
     guard: Guard,
     seats: Vec<Seat>,
     lease: Option<Lease>,
+    /// Who last pressed in vain, and when.
+    asked: Option<(Label, Stamp)>,
     /// Leases granted so far.
     granted: u32,
     /// Whose commands are answered: the holder's; if there is none, those of whoever was heard first.
@@ -81,6 +84,7 @@ impl Desk {
             guard,
             seats: Vec::with_capacity(SEATS),
             lease: None,
+            asked: None,
             granted: 0,
             leading: None,
         }
@@ -89,6 +93,12 @@ impl Desk {
     /// The lease in force.
     pub(crate) fn lease(&self) -> Option<Lease> {
         self.lease
+    }
+
+    /// Who would like to have it, for as long after a press in vain as a holder may sit idle.
+    pub(crate) fn asks(&self, now: Stamp) -> Option<Label> {
+        let (name, asked) = self.asked?;
+        (now.since(asked) <= self.terms.idle).then_some(name)
     }
 
     /// The newest command of whoever is listened to.
@@ -123,7 +133,12 @@ impl Desk {
         let session = command.header.session;
         let at = self.seat(now, session)?;
         let seat = &mut self.seats[at];
+        let was_lost = seat.guard.is_lost(now);
         seat.guard.admit(now, &command.header)?;
+        if was_lost {
+            // What was pressed meanwhile was pressed blind.
+            seat.rearm.spend();
+        }
         seat.command = Some(Heard::new(now, command));
         seat.too_old = false;
         let pressed = seat.rearm.see(command.body.deadman).is_some();
@@ -134,7 +149,11 @@ impl Desk {
         match self.lease {
             Some(lease) if lease.holder == session => Ok(Tenure::Same),
             Some(lease) if pressed && self.is_idle(now, lease.holder) => Ok(self.grant(session, true)),
-            Some(_) if held => Err(Refusal::SecondOperator),
+            Some(_) if held => {
+                // A press that was refused once shall not move the robot by itself when the holder has let go for long.
+                self.seats[at].rearm.exhaust();
+                Err(Refusal::SecondOperator)
+            }
             Some(_) => Ok(Tenure::Watching),
             None if pressed => Ok(self.grant(session, true)),
             None => Ok(self.listen(now, session)),
@@ -151,14 +170,23 @@ impl Desk {
         let (session, Claim { wish, name }) = (claim.header.session, claim.body);
         let seat = self.seats.iter_mut().find(|seat| seat.session == session);
         let seat = seat.ok_or(Refusal::ForeignSession)?;
-        seat.claims.admit(now, &claim.header)?;
+        let stream = match wish {
+            Wish::TakeOver => &mut seat.take_overs,
+            Wish::Drive | Wish::Release => &mut seat.claims,
+        };
+        stream.admit(now, &claim.header)?;
         seat.name = name;
         let holds = self.lease.is_some_and(|lease| lease.holder == session);
         if let Some(lease) = self.lease.as_mut().filter(|_| holds) {
             lease.name = name;
         }
         match wish {
-            Wish::Drive => Ok(Tenure::Same),
+            Wish::Drive => {
+                if self.lease.is_some() && !holds {
+                    self.asked = Some((name, now));
+                }
+                Ok(Tenure::Same)
+            }
             Wish::Release if holds => Ok(self.give_up()),
             Wish::Release => Ok(Tenure::Same),
             Wish::TakeOver if holds => Ok(Tenure::Same),
@@ -205,6 +233,7 @@ impl Desk {
             command: None,
             too_old: false,
             claims: self.guard.clone(),
+            take_overs: self.guard.clone(),
             held: now,
         };
         if self.seats.len() < SEATS {
@@ -228,6 +257,7 @@ impl Desk {
 
     fn grant(&mut self, session: Session, pressed: bool) -> Tenure {
         let name = self.seats.iter().find(|seat| seat.session == session);
+        self.asked = None;
         self.granted = self.granted.saturating_add(1);
         self.lease = Some(Lease {
             number: self.granted,
@@ -273,11 +303,13 @@ impl Remember for Desk {
             guard: _,
             seats,
             lease,
+            asked,
             granted,
             leading,
         } = self;
         memory.part(seats)?;
         memory.part(lease)?;
+        memory.part(asked)?;
         memory.part(granted)?;
         memory.part(leading)
     }

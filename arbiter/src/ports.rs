@@ -1,6 +1,6 @@
 //! The arbiter's edge: inputs become events, setpoints become bytes.
 
-use tandem_wire::{Input, NodeName, Ports, Topic, Turn, Unreadable, decode, encode};
+use tandem_wire::{Claim, Emergency, Input, NodeName, Ports, Topic, Turn, Unreadable, decode, encode};
 
 use crate::node::{Arbiter, Event, Output};
 
@@ -12,7 +12,9 @@ impl Ports for Arbiter {
         Topic::Proposal,
         Topic::State,
         Topic::Lease,
+        Topic::TakeOver,
         Topic::Emergency,
+        Topic::AllClear,
     ];
     const OUTPUTS: &'static [Topic] = &[Topic::Setpoint];
 
@@ -38,8 +40,8 @@ fn read(topic: Topic, bytes: &[u8]) -> Event {
         Topic::Command => decode(bytes).map(Event::Command),
         Topic::Proposal => decode(bytes).map(Event::Proposal),
         Topic::State => decode(bytes).map(Event::State),
-        Topic::Lease => decode(bytes).map(Event::Claim),
-        Topic::Emergency => decode(bytes).map(Event::Emergency),
+        Topic::Lease | Topic::TakeOver => Claim::read(topic, bytes).map(Event::Claim),
+        Topic::Emergency | Topic::AllClear => Emergency::read(topic, bytes).map(Event::Emergency),
         _ => Err(tandem_wire::Malformed::Topic),
     };
     event.unwrap_or_else(|why| Event::Unreadable(Unreadable { topic, why }))

@@ -105,7 +105,8 @@ fn a_supervisor_takes_over_and_must_press_afresh_and_nobody_else_can() {
         stage.setpoints.last().expect("it answers").body.velocity.y < 0.0,
         "the supervisor drives"
     );
-    // A captured claim that is played back changes nothing.
+    // A claim with a number that was used already, captured and played back or made up, changes nothing.
+    stage.step(at(244), Event::Claim(claim(OTHER, 2, Wish::Drive, "supervisor")));
     stage.step(at(245), Event::Claim(claim(OPERATOR, 1, Wish::Drive, "ada")));
     stage.step(at(246), Event::Claim(claim(OTHER, 2, Wish::Release, "supervisor")));
     assert_eq!(holder(&stage), Some(OTHER));
@@ -159,6 +160,25 @@ fn a_holder_that_falls_silent_stops_at_once_and_loses_the_lease_after_two_second
 }
 
 #[test]
+fn whoever_presses_in_vain_is_named_to_the_holder_until_somebody_gets_the_lease() {
+    let mut stage = real();
+    let asks = |stage: &Stage| stage.setpoints.last().expect("it answers").body.asks;
+    rounds(&mut stage, 1..3, Some(RELEASED), Some(RELEASED));
+    rounds(&mut stage, 3..5, Some(held(1)), Some(RELEASED));
+    assert_eq!(asks(&stage), None);
+    stage.step(at(105), Event::Claim(claim(OTHER, 1, Wish::Drive, "bob")));
+    rounds(&mut stage, 6..8, Some(held(1)), Some(held(1)));
+    assert_eq!(asks(&stage), Some(Label::new("bob")));
+    rounds(&mut stage, 8..700, Some(held(1)), Some(RELEASED));
+    assert_eq!(asks(&stage), None, "it is no news after ten seconds");
+    stage.step(at(14_005), Event::Claim(claim(OTHER, 2, Wish::Drive, "bob")));
+    stage.step(at(14_006), Event::Claim(claim(OPERATOR, 1, Wish::Release, "ada")));
+    rounds(&mut stage, 701..703, Some(RELEASED), Some(RELEASED));
+    rounds(&mut stage, 703..704, Some(RELEASED), Some(held(2)));
+    assert_eq!((holder(&stage), asks(&stage)), (Some(OTHER), None));
+}
+
+#[test]
 fn a_holder_that_has_let_go_for_long_gives_way_to_a_press() {
     let settings = ArbiterSettings {
         lease_idle_ms: 200,
@@ -171,6 +191,70 @@ fn a_holder_that_has_let_go_for_long_gives_way_to_a_press() {
     assert_eq!(holder(&stage), Some(OPERATOR));
     rounds(&mut stage, 7..20, Some(RELEASED), Some(RELEASED));
     rounds(&mut stage, 20..21, Some(RELEASED), Some(held(2)));
+    assert_eq!(
+        (motion(&stage), holder(&stage)),
+        (Motion::Permitted { press: 2 }, Some(OTHER))
+    );
+}
+
+/// A stage whose holder is about to have let go for long, and somebody whose press was refused and is still held.
+fn with_a_refused_press_that_is_held() -> Stage {
+    let settings = ArbiterSettings {
+        lease_idle_ms: 200,
+        ..ArbiterSettings::default()
+    };
+    let mut stage = Stage::new(Timing::default(), &settings);
+    rounds(&mut stage, 1..3, Some(RELEASED), Some(RELEASED));
+    rounds(&mut stage, 3..5, Some(held(1)), Some(RELEASED));
+    rounds(&mut stage, 5..30, Some(RELEASED), Some(held(1)));
+    stage
+}
+
+#[test]
+fn a_press_that_was_refused_does_not_drive_once_the_holder_has_let_go_for_long() {
+    let mut stage = with_a_refused_press_that_is_held();
+    assert_eq!(
+        (motion(&stage), holder(&stage)),
+        (Motion::Held(Reason::DeadmanReleased), Some(OPERATOR))
+    );
+    round(&mut stage, 30, Some(RELEASED), Some(held(2)));
+    assert_eq!(
+        (motion(&stage), holder(&stage)),
+        (Motion::Permitted { press: 2 }, Some(OTHER)),
+        "another press does, even if its release was lost on the way"
+    );
+}
+
+#[test]
+fn a_press_made_while_an_emergency_stop_is_in_force_does_not_drive_after_its_end() {
+    let mut stage = real();
+    rounds(&mut stage, 1..3, Some(RELEASED), Some(RELEASED));
+    rounds(&mut stage, 3..5, Some(held(1)), Some(RELEASED));
+    rounds(&mut stage, 5..6, Some(RELEASED), Some(RELEASED));
+    stage.step(at(115), Event::Emergency(emergency(1, None)));
+    rounds(&mut stage, 6..10, Some(RELEASED), Some(held(1)));
+    stage.step(at(195), Event::Emergency(emergency(2, Some(id(BYSTANDER, 1)))));
+    rounds(&mut stage, 10..700, Some(RELEASED), Some(held(1)));
+    assert!(
+        stage
+            .setpoints
+            .iter()
+            .skip(10)
+            .all(|setpoint| !setpoint.body.motion.is_permitted())
+    );
+}
+
+#[test]
+fn what_an_operator_pressed_while_it_was_not_heard_does_not_count() {
+    let mut stage = real();
+    rounds(&mut stage, 1..3, Some(RELEASED), Some(RELEASED));
+    rounds(&mut stage, 3..20, Some(RELEASED), None);
+    rounds(&mut stage, 20..25, Some(RELEASED), Some(held(1)));
+    assert_eq!(
+        (motion(&stage), holder(&stage)),
+        (Motion::Held(Reason::DeadmanReleased), None)
+    );
+    rounds(&mut stage, 25..26, Some(RELEASED), Some(held(2)));
     assert_eq!(
         (motion(&stage), holder(&stage)),
         (Motion::Permitted { press: 2 }, Some(OTHER))

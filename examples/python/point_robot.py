@@ -125,9 +125,14 @@ class PointRobot:
 
     def hear(self, now, suffix, data):
         out = self._begin(now)
-        names = {"setpoint": self._on_setpoint, "trial": self._on_trial, "estop": self._on_emergency}
+        names = {
+            "setpoint": self._on_setpoint,
+            "trial": self._on_trial,
+            "estop": self._on_emergency,
+            "estop/clear": self._on_emergency,
+        }
         try:
-            head, body = wire.decode(suffix, data)
+            head, body = wire.decode_at(suffix, data)
             names[suffix](self._now(now), head, body, out)
         except wire.Malformed:
             self.hearing.refusals.add("Unreadable")
@@ -290,7 +295,7 @@ def run(options):
     settings.lockstep = options.lockstep
     session = fresh_session()
     robot = PointRobot(session, settings)
-    link = Link(options, ("setpoint", "trial", "estop"), options.lockstep)
+    link = Link(options, ("setpoint", "trial", "estop", "estop/clear"), options.lockstep)
     publishers = {"state": link.publisher("state", True), "scene": link.publisher("scene", False)}
     info = {"session": session, "config": "", "seed": 0, "build": "point_robot.py", "model": b""}
     link.answer_info("robot-sim", info)

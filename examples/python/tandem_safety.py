@@ -28,15 +28,19 @@ class Refusals:
 
 
 class Guard:
-    """Admits one stream's messages in order, from one sender at a time, and knows when the stream is lost."""
+    """Admits one stream's messages in order, from one sender at a time, and knows when the stream is lost.
 
-    def __init__(self, timeout):
-        self.timeout, self.newest, self.arrived = timeout, None, 0
+    Another sender has to wait for `succession` after the last message of the one before.
+    """
+
+    def __init__(self, timeout, succession=0):
+        self.timeout, self.succession = timeout, max(timeout, succession)
+        self.newest, self.arrived = None, 0
 
     def admit(self, now, head):
         if self.newest is not None:
             if self.newest["session"] != head["session"]:
-                if not self.is_lost(now):
+                if self.silent(now) <= self.succession:
                     raise Refused("ForeignSession")
             elif head["seq"] == self.newest["seq"]:
                 raise Refused("Duplicate")
@@ -128,10 +132,13 @@ class Rearm:
 
 
 class Latch:
-    """Holds the newest emergency stop until it is cleared by its name."""
+    """Holds every sender's emergency stop until it is cleared itself; tells the one that was heard last."""
+
+    SENDERS = 4
 
     def __init__(self):
-        self.stop, self.cleared = None, None
+        self.stops = []  # (identity, by), the one that was heard last in front
+        self.cleared = []
 
     def hear(self, head, emergency):
         """Takes in a message; says whether anything changed."""
@@ -143,33 +150,47 @@ class Latch:
     def hear_of(self, motion):
         """A setpoint may tell of a stop that was missed here."""
         name, what = motion
-        if name == "Held" and what[0] == "EmergencyStop" and self.stop is None:
+        if name == "Held" and what[0] == "EmergencyStop" and self._place_of(what[1]["stop"]["session"]) is None:
             self._set(what[1]["stop"], what[1]["by"])
 
     def reason(self):
         """Why nothing may move, while a stop is in force."""
-        return self.stop and ("EmergencyStop", {"stop": self.stop[0], "by": self.stop[1]})
+        return ("EmergencyStop", {"stop": self.stops[0][0], "by": self.stops[0][1]}) if self.stops else None
+
+    def _place_of(self, sender):
+        return next((at for at, (stop, _) in enumerate(self.stops) if stop["session"] == sender), None)
 
     def _set(self, identity, by):
-        for before in (self.cleared, self.stop and self.stop[0]):
-            if before and before["session"] == identity["session"] and 0 <= before["seq"] - identity["seq"] <= REPEATED:
-                return False
-        self.stop = (identity, by)
+        place = self._place_of(identity["session"])
+        settled = self.cleared + ([] if place is None else [self.stops[place][0]])
+        if any(is_covered(identity, before) for before in settled):
+            return False
+        if place is not None:
+            del self.stops[place]
+        elif len(self.stops) == self.SENDERS:
+            del self.stops[0]
+        self.stops.insert(0, (identity, by))
         return True
 
     def _clear(self, named):
-        held = self.stop and self.stop[0]
-        meant = held and held["session"] == named["session"] and 0 <= named["seq"] - held["seq"] <= REPEATED
-        if meant:
-            self.stop, self.cleared = None, named
-        return bool(meant)
+        meant = next((at for at, (stop, _) in enumerate(self.stops) if is_covered(stop, named)), None)
+        if meant is None:
+            return False
+        del self.stops[meant]
+        self.cleared = [named] + self.cleared[: self.SENDERS - 1]
+        return True
+
+
+def is_covered(stop, named):
+    """Whether a stop of this name is `named`, or came up to REPEATED before it from the same sender."""
+    return stop["session"] == named["session"] and 0 <= named["seq"] - stop["seq"] <= REPEATED
 
 
 class Hearing:
     """The stream of setpoints, as a robot hears it: everything above, in the order of the rules."""
 
     def __init__(self, timeout, loop_age_limit):
-        self.guard, self.echoes = Guard(timeout), Echoes(loop_age_limit)
+        self.guard, self.echoes = Guard(timeout, SECOND), Echoes(loop_age_limit)
         self.rearm, self.refusals = Rearm(), Refusals()
         self.alive, self.too_old, self.lease = False, False, None
 
@@ -177,6 +198,9 @@ class Hearing:
         """What the robot may do under this setpoint, as a `Motion`; raises `Refused`."""
         try:
             self.echoes.admit(now, setpoint["seen"])
+            if setpoint["command"] and setpoint["motion"][0] == "Permitted":
+                # The arbiter may have heard late itself of the state that the command answers.
+                self.echoes.admit(now, setpoint["command"]["seen"])
         except Refused:
             self.too_old = True
             raise

@@ -13,7 +13,7 @@ How values look: a struct is a dict; a vector a tuple of three numbers; an optio
 import math
 import struct
 
-VERSION = 3
+VERSION = 4
 HEADER = struct.Struct("<BBHIQQQ")
 ROOT = "tandem"
 
@@ -263,7 +263,7 @@ REFUSAL = units(
 REFUSALS = Struct("Refusals", count=U64, last=Option(REFUSAL))
 LAW = Enum("Law", Adaptive=None, Fixed=None, Human=None, Robot=None, Constant=F64, Attentive=None)
 LIMITED = Struct("Limited", workspace=BOOL, speed=BOOL, acceleration=BOOL)
-USED = Struct("Used", id=MESSAGE_ID, sent=NANOS, age=NANOS)
+USED = Struct("Used", id=MESSAGE_ID, sent=NANOS, age=NANOS, seen=SEEN)
 GUIDANCE = Struct(
     "Guidance",
     forecast=U32,
@@ -296,6 +296,7 @@ SETPOINT = Struct(
     velocity=VEC3,
     motion=MOTION,
     lease=Option(LEASE),
+    asks=Option(LABEL),
     law=LAW,
     weight=F64,
     human=VEC3,
@@ -366,6 +367,8 @@ TOPIC = Enum(
     Storage=None,
     Clock=NODE,
     Ping=NODE,
+    TakeOver=None,
+    AllClear=None,
 )
 BYTES = Bytes()
 TOPIC_BYTES = Struct("TopicBytes", topic=TOPIC, bytes=BYTES)
@@ -461,6 +464,16 @@ def decode(name, data):
     if reader.at != len(reader.data):
         raise Malformed(f"{len(reader.data) - reader.at} bytes too many behind the body")
     return header(tick, session, seq, sent), body
+
+
+def decode_at(suffix, data):
+    """The same by the key's end. A take-over and an emergency stop's end have force under keys of their own only."""
+    name = {"lease/take-over": "lease", "estop/clear": "estop"}.get(suffix, suffix)
+    head, body = decode(name, data)
+    force = {"lease": lambda: body["wish"] == "TakeOver", "estop": lambda: body[0] == "Clear"}.get(name)
+    if force and force() != (suffix != name):
+        raise Malformed("a word that has no force under this key")
+    return head, body
 
 
 def seconds(nanos):

@@ -62,6 +62,7 @@ const fn ending(read: Result<(), Malformed>) -> &'static str {
         Err(Malformed::NotFinite) => "not_finite",
         Err(Malformed::Body) => "body",
         Err(Malformed::Trailing(_)) => "trailing",
+        Err(Malformed::Key) => "key",
         Err(Malformed::Topic) => "topic",
     }
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crossbeam_channel::{Receiver, SendError, Sender, TrySendError};
 use tandem_wire::Topic;
+use zenoh::bytes::ZBytes;
 use zenoh::sample::Sample;
 
 use crate::Clock;
@@ -73,9 +74,19 @@ impl Entrance {
 
     pub(crate) fn sample(&self, topic: Topic, sample: &Sample) {
         let arrived = Clock::of_process().now();
-        let bytes = sample.payload().to_bytes().into_owned();
+        let bytes = at_most(topic.max_bytes(), sample.payload());
         self.put(Item::Sample { topic, bytes, arrived });
     }
+}
+
+/// A payload, cut one byte behind `limit`: enough to see that it is too long, whatever a stranger sends.
+fn at_most(limit: usize, payload: &ZBytes) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(payload.len().min(limit + 1));
+    payload.slices().for_each(|slice| {
+        let room = (limit + 1).saturating_sub(bytes.len());
+        bytes.extend_from_slice(&slice[..slice.len().min(room)]);
+    });
+    bytes
 }
 
 /// Puts an item into a queue, at the cost of the oldest ones where it is full: a node that is far behind must act on what
@@ -123,6 +134,14 @@ mod tests {
             kept.as_slice(),
             [Item::Presence { alive: false, .. }, Item::Presence { alive: true, .. }]
         ));
+    }
+
+    #[test]
+    fn what_is_too_long_is_cut_one_byte_behind_the_limit() {
+        let payload = ZBytes::from(vec![7; 1 << 20]);
+        assert_eq!(at_most(128, &payload), [7; 129]);
+        assert_eq!(at_most(1 << 20, &payload).len(), 1 << 20);
+        assert!(at_most(0, &ZBytes::new()).is_empty());
     }
 
     #[test]

@@ -265,7 +265,8 @@ impl Link {
     pub(crate) fn publisher(&self, topic: Topic, pace: Pace) -> Result<Publisher<'static>, LinkError> {
         let key = topic.key(&self.robot);
         let (priority, congestion, express) = quality(topic.delivery(), pace);
-        // A node's thread must not wait for a peer that is slow to take an event: Zenoh would let it, for five seconds.
+        // A node's thread must not wait for a peer that is slow to take an event: Zenoh would let it, for five seconds. Nodes
+        // repeat what matters; whoever says it once, with `publish`, waits.
         let congestion = match pace {
             Pace::Real => CongestionControl::Drop,
             Pace::Lockstep => congestion,
@@ -323,7 +324,7 @@ const fn quality(delivery: Delivery, pace: Pace) -> (Priority, CongestionControl
     match (pace, delivery) {
         (Pace::Lockstep, _) => (Priority::DataHigh, CongestionControl::Block, true),
         (Pace::Real, Delivery::Stream) => (Priority::RealTime, CongestionControl::Drop, true),
-        (Pace::Real, Delivery::Urgent) => (Priority::InteractiveHigh, CongestionControl::Block, true),
+        (Pace::Real, Delivery::Urgent) => (Priority::InteractiveHigh, CongestionControl::Drop, true),
         (Pace::Real, Delivery::Event) => (Priority::DataHigh, CongestionControl::Block, true),
         (Pace::Real, Delivery::Bulk) => (Priority::DataLow, CongestionControl::Drop, false),
     }

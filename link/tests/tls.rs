@@ -142,6 +142,8 @@ fn the_right_role_is_heard_and_the_wrong_one_is_not() {
     ];
     let more = [
         Topic::Lease,
+        Topic::TakeOver,
+        Topic::AllClear,
         Topic::Storage,
         Topic::Forecast,
         Topic::Journal(NodeName::Arbiter),

@@ -87,7 +87,7 @@ settings! {
     pub struct OperatorSettings("operator") {
         /// Where motion comes from.
         pub source: SourceKind = SourceKind::Simulated;
-        /// What others see this operator as; "supervisor" may take the lease over, see arbiter.supervisors.
+        /// What others see this operator as; "supervisor" may take the lease over, see arbiter.supervisors; with certificates it takes that role, too.
         pub name: String = "operator";
         /// Speed of the tool while a key is held, in metres per second.
         pub keyboard_speed_m_s: f64 = 0.1, in 0.005..=0.5;

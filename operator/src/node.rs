@@ -2,9 +2,9 @@
 
 use bincode::{Decode, Encode};
 use tandem_wire::{
-    Claim, Command, Deadman, Emergency, Envelope, Label, Malformed, Memory, Nanos, Node, NodeName, Numbering, Outbox,
-    Pace, Reason, Refusal, Refusals, Remember, SECOND, Session, Stamp, State, StateGuard, Storage, TaskFrame, Timing,
-    Topic, Trial, Unreadable, Wish,
+    Claim, Command, Deadman, Emergency, Envelope, Label, Malformed, Memory, Node, NodeName, Numbering, Outbox, Pace,
+    Reason, Refusal, Refusals, Remember, Session, Stamp, State, StateGuard, Storage, TaskFrame, Timing, Topic, Trial,
+    Unreadable, Wish,
 };
 
 use crate::config::{HumanConfig, HumanSettings, KeyConfig, OperatorSettings, SourceKind};
@@ -71,11 +71,12 @@ pub struct Operator {
     commands: Numbering,
     trials: Numbering,
     claims: Numbering,
+    take_overs: Numbering,
     emergencies: Numbering,
     session: Session,
     name: Label,
-    /// Until when an emergency stop is repeated that nobody has acknowledged.
-    stopping: Option<Stamp>,
+    /// An emergency stop of ours that no state has told of yet.
+    stopping: bool,
     states: StateGuard,
     refused: Refusals,
     eyes: Eyes,
@@ -125,10 +126,11 @@ impl Operator {
             commands: Numbering::new(session),
             trials: Numbering::new(session),
             claims: Numbering::new(session),
+            take_overs: Numbering::new(session),
             emergencies: Numbering::new(session),
             session,
             name: Label::new(&settings.name),
-            stopping: None,
+            stopping: false,
             states: StateGuard::new(&timing),
             refused: Refusals::default(),
             eyes: Eyes::new(frame),
@@ -191,7 +193,7 @@ impl Operator {
     /// An emergency stop needs no picture; what is said about the lease needs none either.
     fn ask(&mut self, now: Stamp, asked: Asked, outbox: &mut Outbox<Output>) {
         if asked.stop {
-            self.stopping = Some(now.after(STOP_REPEATED));
+            self.stopping = true;
             self.cry_stop(now, outbox);
         }
         if asked.release {
@@ -204,7 +206,12 @@ impl Operator {
 
     fn claim(&mut self, now: Stamp, wish: Wish, outbox: &mut Outbox<Output>) {
         let claim = Claim { wish, name: self.name };
-        outbox.push(Output::Claim(self.claims.envelope(now, self.tick(), claim)));
+        let tick = self.tick();
+        let numbering = match wish {
+            Wish::TakeOver => &mut self.take_overs,
+            Wish::Drive | Wish::Release => &mut self.claims,
+        };
+        outbox.push(Output::Claim(numbering.envelope(now, tick, claim)));
     }
 
     fn cry_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
@@ -212,12 +219,13 @@ impl Operator {
         outbox.push(Output::Emergency(self.emergencies.envelope(now, self.tick(), stop)));
     }
 
-    /// Repeats an emergency stop with every command until a state acknowledges it.
+    /// Repeats an emergency stop with every command until a state acknowledges it: this one, for another one may be cleared
+    /// while ours never came through. However long the line is down, for that may be why somebody stops.
     fn repeat_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
-        let reason = self.picture.live().and_then(|seen| seen.motion.reason());
-        let heard = matches!(reason, Some(Reason::EmergencyStop { .. }));
-        self.stopping = self.stopping.filter(|until| !heard && now < *until);
-        if self.stopping.is_some() {
+        let told = self.picture.live().and_then(|seen| seen.motion.reason());
+        let heard = matches!(told, Some(Reason::EmergencyStop { stop, .. }) if stop.session == self.session);
+        self.stopping &= !heard;
+        if self.stopping {
             self.cry_stop(now, outbox);
         }
     }
@@ -305,6 +313,7 @@ impl Operator {
             seen: self.picture.live().copied(),
             session: self.session,
             wish: self.source.wish(),
+            unheard_stop: self.stopping,
             recording: self.recording,
             refused: self.refused,
         };
@@ -315,9 +324,6 @@ impl Operator {
     }
 }
 
-/// How long an emergency stop is repeated without an answer.
-const STOP_REPEATED: Nanos = 2 * SECOND;
-
 impl Remember for Operator {
     fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
         let Self {
@@ -326,6 +332,7 @@ impl Remember for Operator {
             commands,
             trials,
             claims,
+            take_overs,
             emergencies,
             session: _,
             name: _,
@@ -346,6 +353,7 @@ impl Remember for Operator {
         commands.remember(memory)?;
         trials.remember(memory)?;
         claims.remember(memory)?;
+        take_overs.remember(memory)?;
         emergencies.remember(memory)?;
         memory.part(stopping)?;
         memory.part(pressed)?;

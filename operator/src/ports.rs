@@ -10,7 +10,13 @@ impl Ports for Operator {
     const NAME: NodeName = NodeName::Operator;
     const TURN: Turn = Turn::OnArrival;
     const INPUTS: &'static [Topic] = &[Topic::State, Topic::Device, Topic::Storage];
-    const OUTPUTS: &'static [Topic] = &[Topic::Command, Topic::Trial, Topic::Lease, Topic::Emergency];
+    const OUTPUTS: &'static [Topic] = &[
+        Topic::Command,
+        Topic::Trial,
+        Topic::Lease,
+        Topic::TakeOver,
+        Topic::Emergency,
+    ];
 
     fn event(input: Input<'_>) -> Event {
         match input {
@@ -36,11 +42,11 @@ impl Ports for Operator {
             }
             Output::Claim(claim) => {
                 encode(claim, bytes);
-                Some(Topic::Lease)
+                Some(claim.body.topic())
             }
             Output::Emergency(emergency) => {
                 encode(emergency, bytes);
-                Some(Topic::Emergency)
+                Some(emergency.body.topic())
             }
             Output::Status(_) => {
                 bytes.clear();

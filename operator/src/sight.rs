@@ -2,8 +2,8 @@
 
 use bincode::{Decode, Encode};
 use tandem_wire::{
-    Envelope, Header, Lease, Malformed, Memory, MessageId, Motion, Refusal, Remember, Seq, Session, State, TaskFrame,
-    Vec3,
+    Envelope, Header, Label, Lease, Malformed, Memory, MessageId, Motion, Refusal, Remember, Seq, Session, State,
+    TaskFrame, Vec3,
 };
 
 /// The newest state, as far as the operator cares.
@@ -25,6 +25,8 @@ pub struct Seen {
     pub guided: bool,
     /// Who may drive, by that setpoint.
     pub lease: Option<Lease>,
+    /// Who would like to have it, by that setpoint.
+    pub asks: Option<Label>,
     /// Whether the arbiter, when it made that setpoint, had last refused an operator for want of a place.
     pub crowded: bool,
 }
@@ -130,6 +132,7 @@ impl Eyes {
             weight: setpoint.map_or(1.0, |setpoint| setpoint.weight.0),
             guided: setpoint.is_some_and(|setpoint| setpoint.guidance.is_some()),
             lease: setpoint.and_then(|setpoint| setpoint.lease),
+            asks: setpoint.and_then(|setpoint| setpoint.asks),
             crowded: setpoint.is_some_and(|setpoint| setpoint.refused.last == Some(Refusal::NoSeat)),
         };
         let sight = Sight {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use tandem_wire::{Condition, Deadman, NodeName, Refusals, Session, Storage, Vec3};
+use tandem_wire::{Condition, Deadman, Label, NodeName, Refusals, Session, Storage, Vec3};
 
 use crate::hand::Handling;
 use crate::human::{Doing, Ended, Waiting};
@@ -32,6 +32,8 @@ pub struct Status {
     pub session: Session,
     /// Where a simulated human that is driving wishes the tool to be at that state, in the base frame. No message tells.
     pub wish: Option<Vec3>,
+    /// An emergency stop of this operator's is not acknowledged yet.
+    pub unheard_stop: bool,
     /// Whether the session is recorded, as far as the recorder told.
     pub recording: Recording,
     /// Samples dropped so far.
@@ -82,7 +84,19 @@ impl fmt::Display for Status {
 }
 
 impl Status {
+    fn own_lease(&self, asks: Option<Label>, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(" · you hold the lease")?;
+        match asks {
+            Some(name) if name.is_empty() => f.write_str(", another operator asks for it: L gives it up"),
+            Some(name) => write!(f, ", {name} asks for it: L gives it up"),
+            None => Ok(()),
+        }
+    }
+
     fn line(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.unheard_stop {
+            f.write_str("EMERGENCY STOP NOT ACKNOWLEDGED, still calling · ")?;
+        }
         write!(f, "{}", self.activity)?;
         let Some(seen) = &self.seen else {
             return f.write_str(" · no picture of the robot: its states stopped, so whatever is held counts as let go");
@@ -95,7 +109,7 @@ impl Status {
         let [x, y, z] = seen.tool.to_array();
         write!(f, " · tool {x:.3} {y:.3} {z:.3} m")?;
         match seen.lease {
-            Some(lease) if lease.holder == self.session => f.write_str(" · you hold the lease")?,
+            Some(lease) if lease.holder == self.session => self.own_lease(seen.asks, f)?,
             Some(lease) if lease.name.is_empty() => f.write_str(" · another operator holds the lease")?,
             Some(lease) => write!(f, " · {} holds the lease", lease.name)?,
             None => {}

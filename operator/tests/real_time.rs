@@ -302,13 +302,30 @@ fn keys_stop_give_up_and_take_over_and_a_stop_is_repeated_until_it_is_heard() {
     assert_eq!(wishes(&rig.step(at(3), sample(0, 1, 1))), [Wish::TakeOver]);
     assert_eq!(stops(&rig.step(at(4), sample(1, 1, 1))), 1);
     assert!(stops(&flow(&mut rig, 60)) >= 2, "nobody has answered");
-    let (stop, by) = (MessageId::default(), Label::new("operator"));
-    robot.stop(Reason::EmergencyStop { stop, by });
+    let by = Label::new("operator");
+    let told = |session| {
+        let (session, seq) = (Session(session), Seq(1));
+        let stop = MessageId { session, seq };
+        Reason::EmergencyStop { stop, by }
+    };
+    robot.stop(told(99));
     show(&mut rig, 61, &mut robot);
-    assert_eq!(stops(&flow(&mut rig, 140)), 0, "the robot has heard it");
+    assert!(
+        stops(&flow(&mut rig, 10_000)) >= 400,
+        "somebody else's stop is none of ours, and a line may be down for long"
+    );
+    assert!(
+        rig.status
+            .unwrap()
+            .to_string()
+            .starts_with("EMERGENCY STOP NOT ACKNOWLEDGED")
+    );
+    robot.stop(told(5));
+    show(&mut rig, 10_001, &mut robot);
+    assert_eq!(stops(&flow(&mut rig, 10_060)), 0, "the robot has heard it");
     assert!(rig.status.unwrap().to_string().contains("emergency stop by operator"));
     assert_eq!(
-        wishes(&rig.step(at(141), Event::Stop)),
+        wishes(&rig.step(at(10_061), Event::Stop)),
         [Wish::Release],
         "whoever leaves gives the lease up"
     );
@@ -334,9 +351,10 @@ fn a_press_says_its_name_and_the_status_says_who_drives() {
             holder,
             name: Label::new("ada"),
         });
+        obeyed.setpoint.asks = Some(Label::new("bob"));
         rig.step(at(3), Event::State(Box::new(state)));
         rig.status.unwrap().to_string()
     };
-    assert!(told(Session(5)).contains("you hold the lease"));
+    assert!(told(Session(5)).contains("you hold the lease, bob asks for it: L gives it up"));
     assert!(told(Session(99)).contains("ada holds the lease"));
 }

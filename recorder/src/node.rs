@@ -139,7 +139,7 @@ impl Recorder {
         let place = self.tally.count(topic, &header);
         // Who marks a trial or stops a robot may count no ticks: then it happens now.
         let tick = match topic {
-            Topic::Trial | Topic::Emergency if header.tick == 0 => self.tick,
+            Topic::Trial | Topic::Emergency | Topic::AllClear if header.tick == 0 => self.tick,
             _ => header.tick,
         };
         self.tick = tick;
@@ -210,6 +210,7 @@ impl Recorder {
         let motion = message.body.motion;
         let before = self.arbiter.replace(motion);
         let mut notes: Vec<Note> = self.rights.hear_lease(message.body.lease).into_iter().collect();
+        notes.extend(self.rights.hear_asking(message.body.asks));
         notes.extend(motion_note(NodeName::Arbiter, before, motion));
         notes
     }

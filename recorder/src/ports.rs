@@ -1,8 +1,8 @@
 //! The bytes at the recorder's edge: every topic comes in; out go how the session file is doing, and questions.
 
 use tandem_wire::{
-    Envelope, Input, JournalBatch, Malformed, Message, NodeName, Ports, Question, Topic, Turn, Unreadable, codec,
-    decode, encode,
+    Claim, Emergency, Envelope, Input, JournalBatch, Malformed, Message, NodeName, Ports, Question, Topic, Turn,
+    Unreadable, codec, decode, encode,
 };
 
 use crate::heard::{JournalPart, Sample};
@@ -20,7 +20,9 @@ impl Ports for Recorder {
         Topic::Scene,
         Topic::Trial,
         Topic::Lease,
+        Topic::TakeOver,
         Topic::Emergency,
+        Topic::AllClear,
         Topic::Journal(NodeName::Operator),
         Topic::Journal(NodeName::Predictor),
         Topic::Journal(NodeName::Arbiter),
@@ -100,8 +102,8 @@ impl Sample {
             Topic::Trial => Self::Trial(decode(bytes)?),
             Topic::Journal(node) => Self::Journal(journal_part(node, bytes)?),
             Topic::Info(node) => Self::Info(node, decode(bytes)?),
-            Topic::Lease => Self::Claim(decode(bytes)?),
-            Topic::Emergency => Self::Emergency(decode(bytes)?),
+            Topic::Lease | Topic::TakeOver => Self::Claim(Claim::read(topic, bytes)?),
+            Topic::Emergency | Topic::AllClear => Self::Emergency(Emergency::read(topic, bytes)?),
             Topic::Clock(node) => Self::Clock(node, decode(bytes)?),
             Topic::Alive(_) | Topic::Device | Topic::Storage | Topic::Ping(_) => {
                 return Err(Malformed::Topic);

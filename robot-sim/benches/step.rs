@@ -127,6 +127,7 @@ fn answer(state: &Envelope<State>) -> Envelope<Setpoint> {
             number: 1,
             ..tandem_wire::Lease::default()
         }),
+        asks: None,
         law: Law::Human,
         weight: Finite(1.0),
         human: velocity,

@@ -1,14 +1,18 @@
 //! What the robot has heard and may obey: the safety order's checks again, at the last hop.
 //!
-//! A setpoint is admitted only if its maker had seen a recent state of this robot, if it comes from the sender that is
+//! A setpoint is admitted only if its maker and whoever it obeys had seen a recent state of this robot, if it comes from the sender that is
 //! being listened to, and in order; all ages are by the robot's own clock. Whether an admitted setpoint may move the arm
 //! is then for [`Permission`] to say.
 
 use bincode::{Decode, Encode};
 use tandem_wire::{
     Deadman, Echoes, Envelope, Guard, Header, Lease, Malformed, Memory, MessageId, Motion, Nanos, Rearm, Reason,
-    Refusal, Refusals, Remember, Seq, Setpoint, Stamp, Timing,
+    Refusal, Refusals, Remember, SECOND, Seq, Setpoint, Stamp, Timing,
 };
+
+/// Another arbiter is listened to after so much silence of the one before. One that falters on a busy machine stops the arm,
+/// and shall not have lost its place to a stranger's setpoints by the time it speaks again.
+const SUCCESSION: Nanos = SECOND;
 
 /// The stream of setpoints, as the robot hears it.
 #[derive(Clone, Debug)]
@@ -34,7 +38,7 @@ impl Hearing {
     pub(crate) fn new(timing: &Timing) -> Self {
         Self {
             loop_age_limit: timing.loop_age_limit,
-            setpoints: Guard::new(timing.stream_timeout()),
+            setpoints: Guard::new(timing.stream_timeout()).with_succession_after(SUCCESSION),
             alive: false,
             echoes: Echoes::default(),
             outdated: Seq(0),
@@ -48,7 +52,7 @@ impl Hearing {
 
     /// Takes in a setpoint and says whether the arm may move under it.
     pub(crate) fn admit(&mut self, now: Stamp, setpoint: &Envelope<Setpoint>) -> Result<Motion, Refusal> {
-        if let Err(why) = self.check_loop(now, setpoint.body.seen) {
+        if let Err(why) = self.check_loops(now, &setpoint.body) {
             self.too_old = true;
             return Err(why);
         }
@@ -86,6 +90,16 @@ impl Hearing {
             (true, true) => Ok(Hands::Same),
             (true, false) if self.alive && new.number <= known.number => Err(Refusal::SecondOperator),
             _ => Ok(Hands::Others),
+        }
+    }
+
+    /// The arbiter's picture must be recent, and so must the operator's behind a motion. The arbiter tells the age of a command
+    /// from when it heard the state itself, which may have been late; here it is told from when the state was sent.
+    fn check_loops(&self, now: Stamp, setpoint: &Setpoint) -> Result<(), Refusal> {
+        self.check_loop(now, setpoint.seen)?;
+        match setpoint.command {
+            Some(command) if setpoint.motion.is_permitted() => self.check_loop(now, command.seen),
+            _ => Ok(()),
         }
     }
 
@@ -214,7 +228,7 @@ impl Permission {
             (_, Reason::DeadmanReleased, _) => {
                 self.rearm.see(Deadman::Released);
             }
-            (Rearm::Armed(press), ..) => self.rearm = Rearm::Spent(press),
+            (Rearm::Armed(_), ..) => self.rearm.exhaust(),
             // The sender is there and holds motion itself: it will permit only what it sees pressed after this.
             (Rearm::Fresh, _, last) => self.rearm = last.map_or(Rearm::Open, Rearm::Spent),
             (Rearm::Spent(_) | Rearm::Open, ..) => {}
@@ -223,9 +237,7 @@ impl Permission {
 
     /// Any other press will do: nothing was missed in between.
     fn spend(&mut self) {
-        if let Rearm::Armed(press) = self.rearm {
-            self.rearm = Rearm::Spent(press);
-        }
+        self.rearm.exhaust();
     }
 
     /// Another operator drives from now on. Its press counts if the arbiter has held motion in between; presses of the one

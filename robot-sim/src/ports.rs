@@ -1,13 +1,15 @@
 //! The robot's edge: inputs become events, states and scenes become bytes.
 
-use tandem_wire::{Envelope, Input, Malformed, NodeName, Ports, Scene, Topic, Turn, Unreadable, decode, encode};
+use tandem_wire::{
+    Emergency, Envelope, Input, Malformed, NodeName, Ports, Scene, Topic, Turn, Unreadable, decode, encode,
+};
 
 use crate::node::{Event, Output, RobotSim};
 
 impl Ports for RobotSim {
     const NAME: NodeName = NodeName::RobotSim;
     const TURN: Turn = Turn::OnArrival;
-    const INPUTS: &'static [Topic] = &[Topic::Setpoint, Topic::Trial, Topic::Emergency];
+    const INPUTS: &'static [Topic] = &[Topic::Setpoint, Topic::Trial, Topic::Emergency, Topic::AllClear];
     const OUTPUTS: &'static [Topic] = &[Topic::State, Topic::Scene];
 
     fn event(input: Input<'_>) -> Event {
@@ -45,7 +47,7 @@ fn read(topic: Topic, bytes: &[u8]) -> Event {
     let event = match topic {
         Topic::Setpoint => decode(bytes).map(Event::Setpoint),
         Topic::Trial => decode(bytes).map(Event::Trial),
-        Topic::Emergency => decode(bytes).map(Event::Emergency),
+        Topic::Emergency | Topic::AllClear => Emergency::read(topic, bytes).map(Event::Emergency),
         _ => Err(Malformed::Topic),
     };
     event.unwrap_or_else(|why| Event::Unreadable(Unreadable { topic, why }))

@@ -4,7 +4,10 @@ mod support;
 
 use support::*;
 use tandem_robot_sim::{Event, RobotSimSettings};
-use tandem_wire::{Clearance, Malformed, Motion, Node, Reason, Refusal, Session, Timing, Topic, Unreadable, Vec3};
+use tandem_wire::{
+    Clearance, Envelope, Malformed, Motion, Node, Reason, Refusal, Session, Stamp, State, Timing, Topic, Unreadable,
+    Used, Vec3,
+};
 
 const RIGHT: Vec3 = Vec3::new(0.0, 0.2, 0.0);
 
@@ -89,6 +92,35 @@ fn what_should_not_be_obeyed_is_counted_and_changes_nothing() {
     assert_eq!(stage.state().body.refused.last, Some(Refusal::Unreadable));
     assert_eq!(stage.state().body.motion, pressed(1));
     assert!((stage.tool() - before).norm() < 1e-6);
+}
+
+#[test]
+fn a_command_that_answers_an_old_state_moves_nothing_however_fresh_the_arbiter_is() {
+    let mut stage = Stage::real();
+    stage.stream(at(100), RELEASED, Vec3::ZERO);
+    stage.stream(at(200), pressed(1), RIGHT);
+    let old = stage.state().header.id();
+    let used = Some(Used {
+        id: old,
+        sent: Stamp(0),
+        age: 0,
+        seen: Some(old),
+    });
+    // Setpoints come at the usual rate, from an arbiter that has just heard of the robot; the operator has not for long.
+    for n in 1..=40 {
+        stage.pass(at(222 + 20 * n));
+        let newest = Some(stage.state().header.id());
+        let mut fresh = setpoint(20 + n, 0, pressed(1), RIGHT, newest);
+        fresh.body.command = used;
+        stage.step(Event::Setpoint(fresh));
+    }
+    let moved = |state: &&Envelope<State>| state.body.motion.is_permitted();
+    let last = stage.states.iter().rfind(moved).expect("it moved").header.sent;
+    assert!(
+        (at(700)..=at(800)).contains(&last),
+        "half a second and the timeout: {last:?}"
+    );
+    assert_eq!(stage.state().body.motion, Motion::Held(Reason::LoopTooOld));
 }
 
 #[test]

@@ -107,6 +107,12 @@ fn an_arbiter_that_was_started_again_moves_the_arm_only_by_a_press_that_follows_
         stage.robot.motion(),
         Motion::Held(Reason::SetpointLost { .. })
     ));
+    send(&mut stage, 2, RELEASED);
+    assert!(
+        matches!(stage.robot.motion(), Motion::Held(Reason::SetpointLost { .. })),
+        "refused: the one before may only have faltered"
+    );
+    stage.pass(at(1220));
     assert_eq!(send(&mut stage, 2, pressed(1)), Motion::Held(Reason::AwaitingPress));
     assert_eq!(send(&mut stage, 3, RELEASED), RELEASED);
     assert_eq!(send(&mut stage, 4, pressed(1)), pressed(1));

@@ -254,7 +254,7 @@ impl Site {
             self.member(name)?
         };
         match role {
-            Some(needs) if needs != member.role => Err(SiteError::WrongRole {
+            Some(needs) if !member.role.serves_as(needs) => Err(SiteError::WrongRole {
                 name: member.name.to_string(),
                 has: member.role,
                 needs,
@@ -282,7 +282,13 @@ impl Site {
         let here = |member: &&Member| self.file(member, "key").exists();
         let folder = || self.folder.clone();
         let Some(role) = role else {
-            let order = [Role::Viewer, Role::Recorder, Role::Predictor, Role::Operator];
+            let order = [
+                Role::Viewer,
+                Role::Recorder,
+                Role::Predictor,
+                Role::Operator,
+                Role::Supervisor,
+            ];
             let rank = |member: &&Member| {
                 order
                     .iter()
@@ -293,13 +299,17 @@ impl Site {
             return least.ok_or_else(|| SiteError::NoKeys { folder: folder() });
         };
         let mut found: Vec<&Member> = self.roster.all_trusted().filter(here).collect();
-        found.retain(|member| member.role == role);
+        found.retain(|member| member.role.serves_as(role));
+        if found.iter().any(|member| member.role == role) {
+            // Nobody has more rights than it needs, unless asked for by name.
+            found.retain(|member| member.role == role);
+        }
         match found.as_slice() {
             [only] => Ok(only),
             // Somebody whose only certificate was revoked shall hear that, and not that it has none.
             [] => {
                 let mut revoked = self.roster.members.iter().rev().filter(here);
-                let revoked = revoked.find(|member| member.role == role && member.revoked.is_some());
+                let revoked = revoked.find(|member| member.role.serves_as(role) && member.revoked.is_some());
                 revoked.ok_or_else(|| SiteError::NoKey { folder: folder(), role })
             }
             several => Err(SiteError::Ambiguous {

@@ -6,10 +6,11 @@
 //!
 //! | role | says | hears |
 //! | --- | --- | --- |
-//! | operator | command, lease, trial | state, setpoint, storage |
+//! | operator | command, lease, trial, the emergency stop's end | state, setpoint, storage |
+//! | supervisor | the same, and take-over | the same |
 //! | predictor | proposal, forecast | state |
-//! | arbiter | setpoint | command, proposal, state, lease |
-//! | robot-sim | state, scene | setpoint, trial |
+//! | arbiter | setpoint | command, proposal, state, lease, take-over, the emergency stop's end |
+//! | robot-sim | state, scene | setpoint, trial, the emergency stop's end |
 //! | recorder | storage | everything |
 //! | viewer | | everything |
 //!
@@ -29,7 +30,14 @@ use crate::{Identity, Member, Robots, Role, Roster, Site};
 #[must_use]
 pub fn says(role: Role) -> Vec<Topic> {
     let own: &[Topic] = match role {
-        Role::Operator => &[Topic::Command, Topic::Lease, Topic::Trial],
+        Role::Operator => &[Topic::Command, Topic::Lease, Topic::Trial, Topic::AllClear],
+        Role::Supervisor => &[
+            Topic::Command,
+            Topic::Lease,
+            Topic::Trial,
+            Topic::AllClear,
+            Topic::TakeOver,
+        ],
         Role::Predictor => &[Topic::Proposal, Topic::Forecast],
         Role::Arbiter => &[Topic::Setpoint],
         Role::RobotSim => &[Topic::State, Topic::Scene],
@@ -53,9 +61,15 @@ pub fn says(role: Role) -> Vec<Topic> {
 #[must_use]
 pub fn hears(role: Role) -> Vec<Topic> {
     let own: &[Topic] = match role {
-        Role::Operator => &[Topic::Storage],
-        Role::Arbiter => &[Topic::Command, Topic::Proposal, Topic::Lease],
-        Role::RobotSim => &[Topic::Trial],
+        Role::Operator | Role::Supervisor => &[Topic::Storage],
+        Role::Arbiter => &[
+            Topic::Command,
+            Topic::Proposal,
+            Topic::Lease,
+            Topic::TakeOver,
+            Topic::AllClear,
+        ],
+        Role::RobotSim => &[Topic::Trial, Topic::AllClear],
         Role::Predictor | Role::Recorder | Role::Viewer | Role::Router => &[],
     };
     own.iter()

@@ -119,7 +119,7 @@ impl Scene<'_> {
             &self.numbering.envelope(Clock::of_process().now(), 0, emergency),
             &mut bytes,
         );
-        Ok(self.link.publish(Topic::Emergency, bytes)?)
+        Ok(self.link.publish(emergency.topic(), bytes)?)
     }
 
     /// Looks at what is said for a while, noting when `is_so` first holds of robot and arbiter.

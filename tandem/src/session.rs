@@ -24,7 +24,7 @@ pub(crate) use family::{Part, load, open, parts};
 pub(crate) use verdict::note;
 
 /// What is played and exported.
-pub(crate) const PLAYED: [Topic; 9] = [
+pub(crate) const PLAYED: [Topic; 11] = [
     Topic::Command,
     Topic::Proposal,
     Topic::Forecast,
@@ -33,7 +33,9 @@ pub(crate) const PLAYED: [Topic; 9] = [
     Topic::Scene,
     Topic::Trial,
     Topic::Lease,
+    Topic::TakeOver,
     Topic::Emergency,
+    Topic::AllClear,
 ];
 
 #[derive(Subcommand)]

@@ -134,6 +134,7 @@ impl Dice {
                 press: self.half(usual),
             },
             lease: None,
+            asks: None,
             law: Law::Adaptive,
             weight: Finite(self.number()),
             human: self.vector(),

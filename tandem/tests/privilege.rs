@@ -10,11 +10,19 @@ fn set(topics: impl IntoIterator<Item = Topic>) -> BTreeSet<Topic> {
     topics.into_iter().collect()
 }
 
-fn check<N: Ports>() {
-    let role = Role::of(N::NAME);
+/// `role` runs the node.
+fn check<N: Ports>(role: Role) {
+    assert_eq!(role.node(), Some(N::NAME));
     let journal = (N::NAME != NodeName::Recorder).then_some(Topic::Journal(N::NAME));
     let always = [Topic::Emergency, Topic::Clock(N::NAME)];
-    let outputs = set(N::OUTPUTS.iter().copied().chain(journal).chain(always));
+    let mut outputs = set(N::OUTPUTS.iter().copied().chain(journal).chain(always));
+    if N::NAME == NodeName::Operator {
+        // What lets a robot go is said by a person, with `tandem estop`.
+        outputs.insert(Topic::AllClear);
+    }
+    if role != Role::Supervisor {
+        outputs.remove(&Topic::TakeOver);
+    }
     assert_eq!(
         set(says(role)),
         outputs,
@@ -48,10 +56,11 @@ fn check<N: Ports>() {
 
 #[test]
 fn each_node_may_do_what_it_declares_and_hardly_more() {
-    check::<tandem_operator::Operator>();
-    check::<tandem_predictor::Predictor>();
-    check::<tandem_arbiter::Arbiter>();
-    check::<tandem_robot_sim::RobotSim>();
-    check::<tandem_recorder::Recorder>();
+    check::<tandem_operator::Operator>(Role::Operator);
+    check::<tandem_operator::Operator>(Role::Supervisor);
+    check::<tandem_predictor::Predictor>(Role::Predictor);
+    check::<tandem_arbiter::Arbiter>(Role::Arbiter);
+    check::<tandem_robot_sim::RobotSim>(Role::RobotSim);
+    check::<tandem_recorder::Recorder>(Role::Recorder);
     assert_eq!(policy::says(Role::Viewer), [Topic::Emergency]);
 }

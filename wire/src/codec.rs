@@ -20,7 +20,7 @@ use crate::geometry::NOT_FINITE;
 use crate::{MessageId, Seq, Session, Stamp};
 
 /// The version of the byte layout. Changes with any change of a message.
-pub const VERSION: u8 = 3;
+pub const VERSION: u8 = 4;
 /// The length of the header.
 pub const HEADER_BYTES: usize = 32;
 
@@ -97,6 +97,9 @@ pub enum Malformed {
     /// Bytes left over behind the body.
     #[error("{0} bytes too many behind the body")]
     Trailing(usize),
+    /// A word that has no force under the key that it came on.
+    #[error("a word that has no force under this key")]
+    Key,
     /// A topic that this node does not listen to.
     #[error("not a topic of this node")]
     Topic,

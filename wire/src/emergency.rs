@@ -5,14 +5,16 @@
 //!
 //! ```text
 //!              Stop, or a setpoint or state that tells of one
-//!   Clear ─────────────────────────────────────────────────────▶ Latched(newest stop)
-//!     ▲                 Clear that names this stop                  │ ▲
-//!     └─────────────────────────────────────────────────────────────┘ └─ another Stop
+//!   Clear ─────────────────────────────────────────────────────▶ Latched(stops) ─┐ another sender's Stop,
+//!     ▲                 Clear that names the last of them             │   ▲      │ Clear that names one of several
+//!     └───────────────────────────────────────────────────────────────┘   └──────┘
 //! ```
+//!
+//! Where several people have stopped, each stop has to be cleared, as with buttons on a wall.
 
 use bincode::{Decode, Encode};
 
-use crate::{Envelope, Label, MessageId, Motion, Reason};
+use crate::{Envelope, Label, Malformed, MessageId, Motion, Reason, Session, Topic, decode};
 
 /// Stop at once, or stop no longer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
@@ -31,6 +33,30 @@ pub enum Emergency {
     },
 }
 
+impl Emergency {
+    /// Where it counts. Whoever may stop may not therefore let go, so that the two have keys of their own.
+    #[must_use]
+    pub const fn topic(&self) -> Topic {
+        match self {
+            Self::Stop { .. } => Topic::Emergency,
+            Self::Clear { .. } => Topic::AllClear,
+        }
+    }
+
+    /// Reads what came on `topic`.
+    ///
+    /// # Errors
+    /// If it is none, or has no force there.
+    pub fn read(topic: Topic, bytes: &[u8]) -> Result<Envelope<Self>, Malformed> {
+        let message: Envelope<Self> = decode(bytes)?;
+        if message.body.topic() == topic {
+            Ok(message)
+        } else {
+            Err(Malformed::Key)
+        }
+    }
+}
+
 /// A stop in force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 struct Stop {
@@ -43,12 +69,22 @@ struct Stop {
 /// that its owner says later a repetition of it.
 const REPEATED: u64 = 200;
 
-/// Holds the newest emergency stop until it is cleared.
+/// Whether a stop of this name is `named`, or came up to [`REPEATED`] before it from the same sender.
+fn is_covered(stop: MessageId, named: MessageId) -> bool {
+    let ahead = named.seq.0.checked_sub(stop.seq.0);
+    stop.session == named.session && ahead.is_some_and(|ahead| ahead <= REPEATED)
+}
+
+/// The stops of so many senders are kept apart; that of a further one takes the place of the newest.
+const SENDERS: usize = 4;
+
+/// Holds every sender's emergency stop until it is cleared itself, and tells the one that was heard last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Encode, Decode)]
 pub struct Latch {
-    stop: Option<Stop>,
-    /// The last stop that was cleared: what is still under way must not set it again.
-    cleared: Option<MessageId>,
+    /// One of each sender, the one that was heard last in front.
+    stops: [Option<Stop>; SENDERS],
+    /// The last ones that were cleared: what is still under way must not set them again.
+    cleared: [Option<MessageId>; SENDERS],
 }
 
 impl Latch {
@@ -66,7 +102,9 @@ impl Latch {
     /// Takes in what a setpoint or state says about motion: its maker may know of a stop that was missed here.
     pub fn hear_of(&mut self, motion: Motion) -> bool {
         match motion {
-            Motion::Held(Reason::EmergencyStop { stop, by }) if self.stop.is_none() => self.set(Stop { id: stop, by }),
+            Motion::Held(Reason::EmergencyStop { stop, by }) if self.place_of(stop.session).is_none() => {
+                self.set(Stop { id: stop, by })
+            }
             _ => false,
         }
     }
@@ -74,30 +112,44 @@ impl Latch {
     /// Why nothing may move, while a stop is in force.
     #[must_use]
     pub fn reason(&self) -> Option<Reason> {
-        self.stop.map(|Stop { id, by }| Reason::EmergencyStop { stop: id, by })
+        self.stops[0].map(|Stop { id, by }| Reason::EmergencyStop { stop: id, by })
+    }
+
+    /// Whether a stop of this sender's is in force.
+    #[must_use]
+    pub fn is_of(&self, sender: Session) -> bool {
+        self.place_of(sender).is_some()
+    }
+
+    fn place_of(&self, sender: Session) -> Option<usize> {
+        let is_theirs = |stop: &Option<Stop>| stop.is_some_and(|stop| stop.id.session == sender);
+        self.stops.iter().position(is_theirs)
     }
 
     fn set(&mut self, stop: Stop) -> bool {
-        let is_repeated = |before: MessageId| {
-            let behind = before.seq.0.checked_sub(stop.id.seq.0);
-            before.session == stop.id.session && behind.is_some_and(|behind| behind <= REPEATED)
-        };
-        if self.cleared.is_some_and(is_repeated) || self.stop.is_some_and(|before| is_repeated(before.id)) {
+        let known = self.place_of(stop.id.session);
+        let before = known.and_then(|place| self.stops[place]).map(|before| before.id);
+        let mut settled = self.cleared.into_iter().flatten().chain(before);
+        if settled.any(|settled| is_covered(stop.id, settled)) {
             return false;
         }
-        self.stop = Some(stop);
+        let free = self.stops.iter().position(Option::is_none);
+        // In front even of those that it does not replace: whoever says it waits to see it told.
+        self.stops[..=known.or(free).unwrap_or(0)].rotate_right(1);
+        self.stops[0] = Some(stop);
         true
     }
 
     fn clear(&mut self, named: MessageId) -> bool {
-        let meant = self.stop.is_some_and(|Stop { id, .. }| {
-            let ahead = named.seq.0.checked_sub(id.seq.0);
-            id.session == named.session && ahead.is_some_and(|ahead| ahead <= REPEATED)
-        });
-        if meant {
-            (self.stop, self.cleared) = (None, Some(named));
-        }
-        meant
+        let is_meant = |stop: &Option<Stop>| stop.is_some_and(|stop| is_covered(stop.id, named));
+        let Some(place) = self.stops.iter().position(is_meant) else {
+            return false;
+        };
+        self.stops[place] = None;
+        self.stops[place..].rotate_left(1);
+        self.cleared.rotate_right(1);
+        self.cleared[0] = Some(named);
+        true
     }
 }
 
@@ -137,9 +189,59 @@ mod tests {
         let mut latch = Latch::default();
         assert!(stop(&mut latch, id(1, 1)));
         assert!(!clear(&mut latch, id(2, 1)) && latch.reason().is_some());
-        assert!(stop(&mut latch, id(2, 1)), "a second one takes its place");
-        assert!(!clear(&mut latch, id(1, 1)) && latch.reason().is_some());
-        assert!(clear(&mut latch, id(2, 1)) && latch.reason().is_none());
+        assert!(clear(&mut latch, id(1, 1)) && latch.reason().is_none());
+    }
+
+    /// Which stop is told.
+    fn told(latch: &Latch) -> Option<MessageId> {
+        match latch.reason() {
+            Some(Reason::EmergencyStop { stop, .. }) => Some(stop),
+            _ => None,
+        }
+    }
+
+    #[test]
+    fn where_several_stop_each_one_has_to_be_cleared() {
+        let mut latch = Latch::default();
+        assert!(stop(&mut latch, id(1, 1)) && stop(&mut latch, id(2, 1)));
+        assert_eq!(told(&latch), Some(id(2, 1)));
+        assert!(clear(&mut latch, id(2, 1)));
+        assert_eq!(told(&latch), Some(id(1, 1)));
+        assert!(!clear(&mut latch, id(2, 1)));
+        assert!(clear(&mut latch, id(1, 1)) && told(&latch).is_none());
+        let tells = |stop| {
+            Motion::Held(Reason::EmergencyStop {
+                stop,
+                by: Label::default(),
+            })
+        };
+        for late in [id(1, 1), id(2, 1)] {
+            assert!(
+                !latch.hear_of(tells(late)),
+                "who has not heard of its end does not set it again"
+            );
+        }
+    }
+
+    #[test]
+    fn whoever_repeats_itself_is_told_until_another_does() {
+        let mut latch = Latch::default();
+        assert!(stop(&mut latch, id(1, 1)) && stop(&mut latch, id(2, 1)) && stop(&mut latch, id(1, 2)));
+        assert_eq!(told(&latch), Some(id(1, 2)));
+        assert!(!stop(&mut latch, id(2, 1)), "the same message again is no repetition");
+        assert!(clear(&mut latch, id(1, 2)) && clear(&mut latch, id(2, 1)) && told(&latch).is_none());
+    }
+
+    #[test]
+    fn more_stops_than_are_kept_apart_still_hold() {
+        let mut latch = Latch::default();
+        assert!((1..=9).all(|sender| stop(&mut latch, id(sender, 1))));
+        let mut cleared = 0;
+        while let Some(next) = told(&latch) {
+            assert!(clear(&mut latch, next));
+            cleared += 1;
+        }
+        assert_eq!(cleared, SENDERS);
     }
 
     #[test]

@@ -81,6 +81,8 @@ const LEAP: u64 = 50;
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Guard {
     timeout: Nanos,
+    /// For so long another sender has to wait after the last message of the one before.
+    succession: Nanos,
     newest: Option<MessageId>,
     arrived: Stamp,
 }
@@ -91,14 +93,26 @@ impl Guard {
     pub const fn new(timeout: Nanos) -> Self {
         Self {
             timeout,
+            succession: timeout,
             newest: None,
             arrived: Stamp(0),
         }
     }
 
+    /// Lets another sender in only after `silence`, if that is longer than the timeout: a sender that falters shall not have
+    /// lost its place to whoever comes by.
+    #[must_use]
+    pub const fn with_succession_after(mut self, silence: Nanos) -> Self {
+        if silence > self.timeout {
+            self.succession = silence;
+        }
+        self
+    }
+
     /// Takes in a message that arrived at `now`, or says why it must be dropped.
     ///
-    /// A new session is admitted only once the old one is lost, so two senders never alternate. A number may run ahead
+    /// A new session is admitted only once the old one is lost (or [longer](Self::with_succession_after)), so two senders never
+    /// alternate. A number may run ahead
     /// only as far as time allows: one forged message of the last number there is must not make all others stragglers.
     ///
     /// # Errors
@@ -106,7 +120,7 @@ impl Guard {
     pub fn admit(&mut self, now: Stamp, header: &Header) -> Result<(), Refusal> {
         if let Some(newest) = self.newest {
             if newest.session != header.session {
-                if !self.is_lost(now) {
+                if now.since(self.arrived) <= self.succession {
                     return Err(Refusal::ForeignSession);
                 }
             } else if header.seq == newest.seq {
@@ -162,6 +176,7 @@ impl Remember for Guard {
     fn remember(&mut self, memory: &mut Memory<'_>) -> Result<(), Malformed> {
         let Self {
             timeout: _,
+            succession: _,
             newest,
             arrived,
         } = self;
@@ -209,6 +224,17 @@ mod tests {
         guard.admit(at(0), &header(1, 5)).unwrap();
         assert_eq!(guard.admit(at(100), &header(2, 1)), Err(Refusal::ForeignSession));
         assert_eq!(guard.admit(at(101), &header(2, 1)), Ok(()));
+    }
+
+    #[test]
+    fn a_sender_that_falters_keeps_its_place_for_as_long_as_it_is_given() {
+        let mut guard = Guard::new(100 * MILLISECOND).with_succession_after(1000 * MILLISECOND);
+        guard.admit(at(0), &header(1, 5)).unwrap();
+        assert!(guard.is_lost(at(500)));
+        assert_eq!(guard.admit(at(500), &header(2, 1)), Err(Refusal::ForeignSession));
+        assert_eq!(guard.admit(at(900), &header(1, 6)), Ok(()));
+        assert_eq!(guard.admit(at(1900), &header(2, 1)), Err(Refusal::ForeignSession));
+        assert_eq!(guard.admit(at(1901), &header(2, 2)), Ok(()));
     }
 
     #[test]

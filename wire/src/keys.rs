@@ -5,6 +5,12 @@ use std::str::FromStr;
 
 use bincode::{Decode, Encode};
 
+use crate::codec::Message;
+use crate::{
+    Claim, ClockReport, Command, Emergency, Forecast, JournalBatch, NodeInfo, Pong, Proposal, Scene, Setpoint, State,
+    Storage, Trial,
+};
+
 /// The first chunk of every key.
 pub const ROOT: &str = "tandem";
 
@@ -90,6 +96,10 @@ pub enum Topic {
     Clock(NodeName),
     /// Answers a ping, with nothing but times: [`Pong`](crate::Pong).
     Ping(NodeName),
+    /// An operator takes the lease from whoever holds it, a right of its own: [`Claim`](crate::Claim).
+    TakeOver,
+    /// An emergency stop may end, a right of its own: [`Emergency`](crate::Emergency).
+    AllClear,
 }
 
 /// How a topic wants to be carried.
@@ -126,6 +136,8 @@ impl Topic {
             Self::Storage => "storage".into(),
             Self::Clock(node) => format!("clock/{node}"),
             Self::Ping(node) => format!("ping/{node}"),
+            Self::TakeOver => "lease/take-over".into(),
+            Self::AllClear => "estop/clear".into(),
         }
     }
 
@@ -140,9 +152,33 @@ impl Topic {
     pub const fn delivery(self) -> Delivery {
         match self {
             Self::Command | Self::Proposal | Self::Setpoint | Self::State | Self::Device => Delivery::Stream,
-            Self::Lease | Self::Emergency => Delivery::Urgent,
+            Self::Lease | Self::TakeOver | Self::Emergency | Self::AllClear => Delivery::Urgent,
             Self::Forecast | Self::Scene | Self::Trial | Self::Info(_) | Self::Alive(_) => Delivery::Event,
+            // Clocks' exchanges go lower still, as whoever makes them asks for.
             Self::Journal(_) | Self::Storage | Self::Clock(_) | Self::Ping(_) => Delivery::Bulk,
+        }
+    }
+
+    /// The longest message that an honest sender makes, header included; 0 for a topic that carries none. A sample of a device
+    /// never travels.
+    #[must_use]
+    pub const fn max_bytes(self) -> usize {
+        match self {
+            Self::Command => Command::MAX_BYTES,
+            Self::Proposal => Proposal::MAX_BYTES,
+            Self::Forecast => Forecast::MAX_BYTES,
+            Self::Setpoint => Setpoint::MAX_BYTES,
+            Self::State => State::MAX_BYTES,
+            Self::Scene => Scene::MAX_BYTES,
+            Self::Trial => Trial::MAX_BYTES,
+            Self::Journal(_) => JournalBatch::MAX_BYTES,
+            Self::Info(_) => NodeInfo::MAX_BYTES,
+            Self::Lease | Self::TakeOver => Claim::MAX_BYTES,
+            Self::Emergency | Self::AllClear => Emergency::MAX_BYTES,
+            Self::Storage => Storage::MAX_BYTES,
+            Self::Clock(_) => ClockReport::MAX_BYTES,
+            Self::Ping(_) => Pong::MAX_BYTES,
+            Self::Alive(_) | Self::Device => 0,
         }
     }
 
@@ -161,8 +197,8 @@ impl Topic {
             Self::Info(_) => 9,
             Self::Device => 10,
             Self::Storage => 11,
-            Self::Lease => 12,
-            Self::Emergency => 13,
+            Self::Lease | Self::TakeOver => 12,
+            Self::Emergency | Self::AllClear => 13,
             Self::Clock(_) => 14,
             Self::Ping(_) => 15,
             Self::Alive(_) => 0,
@@ -248,7 +284,9 @@ pub fn parse(key: &str) -> Option<(RobotName, Topic)> {
         ("scene", None) => Topic::Scene,
         ("trial", None) => Topic::Trial,
         ("lease", None) => Topic::Lease,
+        ("lease", Some("take-over")) => Topic::TakeOver,
         ("estop", None) => Topic::Emergency,
+        ("estop", Some("clear")) => Topic::AllClear,
         ("storage", None) => Topic::Storage,
         ("journal", Some(node)) => Topic::Journal(node_named(node)?),
         ("node", Some(node)) => Topic::Info(node_named(node)?),
@@ -273,7 +311,7 @@ mod tests {
         let robot: RobotName = "panda-1".parse().unwrap();
         let mut topics = vec![Topic::Command, Topic::Proposal, Topic::Forecast, Topic::Setpoint];
         topics.extend([Topic::State, Topic::Scene, Topic::Trial, Topic::Lease]);
-        topics.extend([Topic::Emergency, Topic::Storage]);
+        topics.extend([Topic::TakeOver, Topic::Emergency, Topic::AllClear, Topic::Storage]);
         for node in NodeName::ALL {
             topics.extend([Topic::Journal(node), Topic::Info(node), Topic::Alive(node)]);
             topics.extend([Topic::Clock(node), Topic::Ping(node)]);

@@ -5,7 +5,7 @@
 
 use bincode::{Decode, Encode};
 
-use crate::{Label, Session};
+use crate::{Envelope, Label, Malformed, Session, Topic, decode};
 
 /// The right to drive, as it was granted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Encode, Decode)]
@@ -36,4 +36,28 @@ pub struct Claim {
     pub wish: Wish,
     /// What it is called.
     pub name: Label,
+}
+
+impl Claim {
+    /// Where it counts. Not everybody who may drive may take the lease away, so that a take-over has a key of its own.
+    #[must_use]
+    pub const fn topic(&self) -> Topic {
+        match self.wish {
+            Wish::TakeOver => Topic::TakeOver,
+            Wish::Drive | Wish::Release => Topic::Lease,
+        }
+    }
+
+    /// Reads what came on `topic`.
+    ///
+    /// # Errors
+    /// If it is none, or has no force there.
+    pub fn read(topic: Topic, bytes: &[u8]) -> Result<Envelope<Self>, Malformed> {
+        let message: Envelope<Self> = decode(bytes)?;
+        if message.body.topic() == topic {
+            Ok(message)
+        } else {
+            Err(Malformed::Key)
+        }
+    }
 }

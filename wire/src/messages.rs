@@ -6,8 +6,8 @@ use bincode::{Decode, Encode};
 use crate::codec::{Envelope, Message};
 use crate::guard::Refusals;
 use crate::{
-    Aabb, Claim, Emergency, Finite, Lease, Malformed, Memory, MessageId, Motion, Nanos, Pose, Remember, Seq, Session,
-    Stamp, Topic, Vec3,
+    Aabb, Claim, Emergency, Finite, Label, Lease, Malformed, Memory, MessageId, Motion, Nanos, Pose, Remember, Seq,
+    Session, Stamp, Topic, Vec3,
 };
 
 /// Joints of the arm.
@@ -135,6 +135,8 @@ pub struct Used {
     pub sent: Stamp,
     /// How long before the decision it had arrived, by the decider's clock.
     pub age: Nanos,
+    /// The newest state that its sender had seen.
+    pub seen: Option<MessageId>,
 }
 
 /// What shall be done, and the whole record of why: one arbitration.
@@ -146,6 +148,8 @@ pub struct Setpoint {
     pub motion: Motion,
     /// Who may drive.
     pub lease: Option<Lease>,
+    /// Who last pressed in vain while another held it, for as long as that is news.
+    pub asks: Option<Label>,
     /// The law in force.
     pub law: Law,
     /// The human's weight ω: `blended = ω·human + (1 − ω)·robot`.

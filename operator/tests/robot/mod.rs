@@ -123,6 +123,7 @@ impl Robot {
                 velocity: Vec3::ZERO,
                 motion: self.motion,
                 lease: None,
+                asks: None,
                 law: Law::Adaptive,
                 weight: Finite(self.weight),
                 human: command.velocity,

@@ -80,6 +80,7 @@ fn idle() -> Setpoint {
         velocity: Vec3::ZERO,
         motion: Motion::Held(Reason::NoTrial),
         lease: None,
+        asks: None,
         law: tandem_wire::Law::default(),
         weight: Finite(1.0),
         human: Vec3::ZERO,
@@ -119,6 +120,7 @@ fn story() -> Vec<Sample> {
         id: id(OPERATOR, 5),
         sent: Stamp(AT_OPERATOR + tenths(90)),
         age: tenths(5),
+        seen: None,
     };
     let decided = setpoint(used);
     let obeyed = Obeyed {

@@ -3,7 +3,7 @@
 //! Operators claim, the arbiter grants: what was granted stands in every setpoint. Whoever presses a button or stops the
 //! robot says so again and again until it is heard; only what is new is worth a line.
 
-use tandem_wire::{Claim, Emergency, Envelope, Label, Latch, Lease, NodeName, Reason, Session, Wish};
+use tandem_wire::{Claim, Emergency, Envelope, Label, Latch, Lease, NodeName, Session, Topic, Wish};
 
 use super::notes::{info, warning};
 use crate::heard::{Level, Note};
@@ -11,6 +11,7 @@ use crate::heard::{Level, Note};
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rights {
     lease: Option<Lease>,
+    asks: Option<Label>,
     claim: Option<(Session, Claim)>,
     stop: Latch,
 }
@@ -31,6 +32,14 @@ impl Rights {
         Some(info(NodeName::Operator, text))
     }
 
+    /// Who would like to have the lease, as a setpoint says it.
+    pub(super) fn hear_asking(&mut self, asks: Option<Label>) -> Option<Note> {
+        let is_news = std::mem::replace(&mut self.asks, asks) != asks;
+        let name = asks.filter(|_| is_news)?;
+        let text = format!("{} asks for the lease", called(name));
+        Some(info(NodeName::Arbiter, text))
+    }
+
     /// Who holds the lease, as a setpoint says it.
     pub(super) fn hear_lease(&mut self, lease: Option<Lease>) -> Option<Note> {
         if std::mem::replace(&mut self.lease, lease) == lease {
@@ -45,8 +54,8 @@ impl Rights {
 
     /// An emergency stop, or its end.
     pub(super) fn hear_emergency(&mut self, message: &Envelope<Emergency>) -> Option<Note> {
-        let before = self.stop.reason();
-        if !self.stop.hear(message) || self.is_again(before) {
+        let is_again = self.stop.is_of(message.header.session) && message.body.topic() == Topic::Emergency;
+        if !self.stop.hear(message) || is_again {
             return None;
         }
         let about = NodeName::Operator;
@@ -58,16 +67,6 @@ impl Rights {
             },
             Emergency::Clear { by, .. } => warning(about, format!("the emergency stop is cleared by {}", called(by))),
         })
-    }
-
-    /// Whether the stop in force is what its sender has said before.
-    fn is_again(&self, before: Option<Reason>) -> bool {
-        match (before, self.stop.reason()) {
-            (Some(Reason::EmergencyStop { stop: one, .. }), Some(Reason::EmergencyStop { stop: other, .. })) => {
-                one.session == other.session
-            }
-            _ => false,
-        }
     }
 }
 

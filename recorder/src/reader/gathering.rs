@@ -319,6 +319,8 @@ const fn is_played(topic: Topic) -> bool {
             | Topic::Scene
             | Topic::Trial
             | Topic::Lease
+            | Topic::TakeOver
             | Topic::Emergency
+            | Topic::AllClear
     )
 }

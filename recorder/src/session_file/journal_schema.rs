@@ -4,7 +4,7 @@ use tandem_wire::codec::{VERSION, to_bytes};
 use tandem_wire::{JournalBatch, Message as _, NodeName, Topic};
 
 /// Every topic; where a node belongs to it, the operator's.
-const TOPICS: [Topic; 16] = [
+const TOPICS: [Topic; 18] = [
     Topic::Command,
     Topic::Proposal,
     Topic::Forecast,
@@ -21,6 +21,8 @@ const TOPICS: [Topic; 16] = [
     Topic::Storage,
     Topic::Clock(NodeName::Operator),
     Topic::Ping(NodeName::Operator),
+    Topic::TakeOver,
+    Topic::AllClear,
 ];
 
 /// The layout in words, with the version and the numbers that this build writes.
@@ -41,7 +43,7 @@ pub(super) fn text() -> String {
 
 fn named(topic: Topic) -> String {
     let suffix = topic.suffix();
-    let name = suffix.split('/').next().unwrap_or_default();
+    let name = suffix.strip_suffix("/operator").unwrap_or(&suffix);
     format!("{} {name}", number(&to_bytes(&topic)))
 }
 

@@ -2,11 +2,25 @@
 
 use std::io::{Seek, Write};
 
-use tandem_wire::{Envelope, Forecast, NodeName, Scene, State};
+use tandem_wire::{Claim, Emergency, Envelope, Forecast, NodeName, Scene, State, Wish};
 
 use super::times::Times;
 use super::{SessionFile, WriteError, cloud, schemas, standard};
 use crate::heard::{Heard, Sample};
+
+const fn lease_channel(claim: &Envelope<Claim>) -> &'static str {
+    match claim.body.wish {
+        Wish::TakeOver => "lease/take-over",
+        Wish::Drive | Wish::Release => "lease",
+    }
+}
+
+const fn stop_channel(emergency: &Envelope<Emergency>) -> &'static str {
+    match emergency.body {
+        Emergency::Stop { .. } => "estop",
+        Emergency::Clear { .. } => "estop/clear",
+    }
+}
 
 impl<W: Write + Seek> SessionFile<W> {
     pub(super) fn write_sample(&mut self, heard: &Heard, sample: &Sample) -> Result<(), WriteError> {
@@ -18,8 +32,8 @@ impl<W: Write + Seek> SessionFile<W> {
             Sample::Proposal(message) => to.put("proposal", times, &schemas::Proposal::from(message)),
             Sample::Setpoint(message) => to.put("setpoint", times, &schemas::Setpoint::from(message.as_ref())),
             Sample::Trial(message) => to.put("trial", times, &schemas::Trial::from(message)),
-            Sample::Claim(message) => to.put("lease", times, &schemas::Claim::from(message)),
-            Sample::Emergency(message) => to.put("estop", times, &schemas::Emergency::from(message)),
+            Sample::Claim(message) => to.put(lease_channel(message), times, &schemas::Claim::from(message)),
+            Sample::Emergency(message) => to.put(stop_channel(message), times, &schemas::Emergency::from(message)),
             Sample::Forecast(message) => self.write_forecast(times, message),
             Sample::State(message) => self.write_state(times, message),
             Sample::Scene(message) => self.write_scene(times, message),

@@ -94,6 +94,7 @@ pub(super) struct Used {
     pub(super) sequence: u64,
     pub(super) sent_ns: u64,
     pub(super) age_ms: f64,
+    pub(super) seen_state: Option<MessageId>,
 }
 
 #[derive(Encode)]
@@ -121,6 +122,7 @@ pub(super) struct Setpoint {
     pub(super) seen_state: Option<MessageId>,
     pub(super) refused: Refusals,
     pub(super) lease: Option<Lease>,
+    pub(super) asked_by: Option<String>,
 }
 
 #[derive(Encode)]

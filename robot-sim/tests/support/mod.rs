@@ -48,6 +48,7 @@ pub fn setpoint(seq: u64, tick: u32, motion: Motion, velocity: Vec3, seen: Optio
             number: 1,
             ..tandem_wire::Lease::default()
         }),
+        asks: None,
         law: Law::Human,
         weight: Finite(1.0),
         human: velocity,

@@ -14,6 +14,8 @@ use super::BadRoster;
 pub enum Role {
     /// Sends commands and claims the lease.
     Operator,
+    /// An operator that may take the lease from another.
+    Supervisor,
     /// Proposes.
     Predictor,
     /// Decides: the only one that may send setpoints.
@@ -30,8 +32,9 @@ pub enum Role {
 
 impl Role {
     /// All roles, in the order in which a table shows them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Operator,
+        Self::Supervisor,
         Self::Predictor,
         Self::Arbiter,
         Self::RobotSim,
@@ -45,6 +48,7 @@ impl Role {
     pub const fn as_str(self) -> &'static str {
         match self {
             Self::Operator => "operator",
+            Self::Supervisor => "supervisor",
             Self::Predictor => "predictor",
             Self::Arbiter => "arbiter",
             Self::RobotSim => "robot-sim",
@@ -69,7 +73,13 @@ impl Role {
     /// The node of a role, if it is one's.
     #[must_use]
     pub fn node(self) -> Option<NodeName> {
-        NodeName::ALL.into_iter().find(|node| Self::of(*node) == self)
+        NodeName::ALL.into_iter().find(|node| self.serves_as(Self::of(*node)))
+    }
+
+    /// Whether a member of this role may be what a process `needs`: a supervisor is an operator, too.
+    #[must_use]
+    pub const fn serves_as(self, needs: Self) -> bool {
+        self as u8 == needs as u8 || matches!((self, needs), (Self::Supervisor, Self::Operator))
     }
 
     /// Whether others may dial it. Everybody else's certificate is good for dialling only, so that a stolen laptop cannot

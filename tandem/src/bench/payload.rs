@@ -58,11 +58,13 @@ fn setpoint() -> Setpoint {
         id: ID,
         sent: Stamp(0),
         age: 0,
+        seen: Some(ID),
     };
     Setpoint {
         velocity: Vec3::ZERO,
         motion: Motion::Held(Reason::NoTrial),
         lease: None,
+        asks: None,
         law: Law::default(),
         weight: Finite(1.0),
         human: Vec3::ZERO,

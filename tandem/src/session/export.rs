@@ -25,7 +25,7 @@ use row::{Cell, Row};
 const TABLES: [Topic; 4] = [Topic::State, Topic::Setpoint, Topic::Command, Topic::Proposal];
 
 /// What people did; tables only where they did it.
-const PRESSES: [Topic; 2] = [Topic::Lease, Topic::Emergency];
+const PRESSES: [Topic; 4] = [Topic::Lease, Topic::TakeOver, Topic::Emergency, Topic::AllClear];
 
 /// How tables are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,7 +46,7 @@ pub(super) fn write(recording: &Recording, format: Format, folder: &Path) -> any
         let of_topic = recording.messages.iter().filter(|message| message.topic == topic);
         // What was heard was decodable; a journal that says otherwise has nothing for a table.
         let rows = of_topic.filter_map(|message| columns::row(message, recording.epoch_unix_nanos));
-        table(format, folder, &topic.suffix(), rows, &bar)?;
+        table(format, folder, &topic.suffix().replace('/', "_"), rows, &bar)?;
     }
     table(format, folder, "ticks", ticks(recording), &bar)?;
     bar.finish_and_clear();

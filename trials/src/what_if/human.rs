@@ -98,7 +98,7 @@ fn asides_in_journal(evidence: &Evidence) -> Vec<(u32, Topic, Vec<u8>)> {
             }
             next = index + 1;
             if let Happening::Output { topic, bytes } = &entry.what
-                && matches!(topic, Topic::Lease | Topic::Emergency)
+                && matches!(topic, Topic::Lease | Topic::TakeOver | Topic::Emergency)
                 && let Ok((_, header)) = codec::peek(bytes)
             {
                 asides.push((header.tick, *topic, bytes.clone()));

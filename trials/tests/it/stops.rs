@@ -88,6 +88,7 @@ impl Bench {
                 holder: Session(100 + u64::from(self.operator)),
                 name: Label::new("ada"),
             }),
+            asks: None,
             ..nothing()
         };
         self.hear(Topic::Setpoint, 3, self.seq, body);
@@ -137,6 +138,7 @@ fn nothing() -> Setpoint {
         velocity: Vec3::ZERO,
         motion: Motion::Held(Reason::NoCommandYet),
         lease: None,
+        asks: None,
         law: tandem_wire::Law::Human,
         weight: tandem_wire::Finite(1.0),
         human: Vec3::ZERO,

@@ -24,6 +24,7 @@ fn setpoint(tick: u32, motion: Motion, weight: f64, guidance: Option<Guidance>) 
         velocity: human,
         motion,
         lease: None,
+        asks: None,
         law: Law::Adaptive,
         weight: Finite(weight),
         human,

@@ -47,10 +47,11 @@ impl Rearm {
         *self = Self::Fresh;
     }
 
-    /// Whether motion is permitted.
-    #[must_use]
-    pub const fn is_armed(&self) -> bool {
-        matches!(self, Self::Armed(_))
+    /// The press at hand was in vain, or has served: only another one counts, with or without a release in between.
+    pub const fn exhaust(&mut self) {
+        if let Self::Armed(press) = *self {
+            *self = Self::Spent(press);
+        }
     }
 }
 

@@ -75,6 +75,7 @@ pub(crate) fn setpoint() -> Setpoint {
             id: id(seq),
             sent: Stamp(4_099_000_000),
             age: 250_000,
+            seen: Some(id(39)),
         })
     };
     Setpoint {
@@ -85,6 +86,7 @@ pub(crate) fn setpoint() -> Setpoint {
             holder: Session(88),
             name: Label::new("ada"),
         }),
+        asks: Some(Label::new("bob")),
         law: Law::Constant(Finite(0.25)),
         weight: Finite(0.25),
         human: Vec3::new(0.25, -0.5, 0.0),

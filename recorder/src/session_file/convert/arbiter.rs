@@ -34,6 +34,7 @@ impl From<&wire::Envelope<wire::Setpoint>> for Setpoint {
             seen_state: setpoint.seen.map(Into::into),
             refused: (&setpoint.refused).into(),
             lease: setpoint.lease.map(Into::into),
+            asked_by: setpoint.asks.map(|name| name.to_string()),
         }
     }
 }
@@ -45,6 +46,7 @@ impl From<wire::Used> for Used {
             sequence: used.id.seq.0,
             sent_ns: used.sent.0,
             age_ms: wire::seconds(used.age) * 1e3,
+            seen_state: used.seen.map(Into::into),
         }
     }
 }

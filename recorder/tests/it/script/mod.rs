@@ -136,6 +136,7 @@ impl Script {
                 id,
                 sent: self.now,
                 age: 1_500_000,
+                seen: Some(state),
             });
         }
         if tick == CHECKPOINT {
@@ -155,6 +156,7 @@ impl Script {
             id,
             sent: self.now,
             age: 1_000_000,
+            seen: Some(state),
         });
         let motion = match tick {
             0 | 1 => Motion::Held(Reason::DeadmanReleased),
@@ -186,6 +188,7 @@ impl Script {
             velocity,
             motion,
             lease: None,
+            asks: None,
             law: Law::Adaptive,
             weight: Finite(weight),
             human,

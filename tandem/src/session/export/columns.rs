@@ -27,7 +27,7 @@ pub(super) fn row(message: &Recorded, epoch: u64) -> Option<Row> {
             row.seen(proposal.seen);
             row.guidance(proposal.guidance);
         }
-        Topic::Lease => {
+        Topic::Lease | Topic::TakeOver => {
             let claim: Claim = decode(&message.bytes).ok()?.body;
             let wish = match claim.wish {
                 Wish::Drive => "drive",
@@ -37,7 +37,7 @@ pub(super) fn row(message: &Recorded, epoch: u64) -> Option<Row> {
             row.text("wish", Some(wish.to_owned()));
             row.text("name", name(claim.name));
         }
-        Topic::Emergency => emergency(&mut row, &decode(&message.bytes).ok()?.body),
+        Topic::Emergency | Topic::AllClear => emergency(&mut row, &decode(&message.bytes).ok()?.body),
         _ => return None,
     }
     Some(row)
