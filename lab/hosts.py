@@ -13,6 +13,8 @@ from network import Network, in_namespace
 
 HERE = Path(__file__).resolve().parent
 HOSTS = ("robot", "arbiter", "predictor", "operator", "guest")
+# Where a node stands that has no host of its own.
+HOST_OF = {"robot-sim": "robot", "recorder": "robot", "second": "guest", "router": "guest"}
 PORT = 7447
 FAKETIME = "/usr/lib/x86_64-linux-gnu/faketime/libfaketimeMT.so.1"
 
@@ -22,7 +24,7 @@ class Sight:
 
     def __init__(self, process):
         self.process, self.changed = process, threading.Condition()
-        self.latest, self.lines, self.origins = {}, [], {}
+        self.latest, self.lines, self.origins, self.unwarranted, self.pressed = {}, [], {}, [], []
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self):
@@ -31,6 +33,10 @@ class Sight:
             with self.changed:
                 if "origin" in line:
                     self.origins[line["session"]] = line["origin"]
+                elif "unwarranted" in line:
+                    self.unwarranted.append(line["unwarranted"])
+                elif "pressed" in line:
+                    self.pressed.append(line["now"])
                 else:
                     self.latest = line
                     self.lines.append(line)
@@ -53,6 +59,11 @@ class Sight:
     def begin(self, number):
         self.process.stdin.write(f"begin {number}\n")
         self.process.stdin.flush()
+
+    def since(self, moment):
+        """Every line from then on."""
+        with self.changed:
+            return [line for line in self.lines if line["now"] >= moment]
 
     def stale(self):
         return [line for line in self.lines if line["stale"]]
@@ -107,18 +118,26 @@ class Lab:
         self.folder, self.tandem, self.python = Path(folder), tandem, python
         self.folder.mkdir(parents=True, exist_ok=True)
         self.network = Network(prefix, HOSTS, seed)
-        self.endpoint = f"tcp/{self.network.address('robot')}:{PORT}"
-        self.session = self.folder / "session.mcap"
-        self.nodes, self.clocks, self.extra, self.trial = {}, {}, {}, 0
+        self.sessions, self.cut_short = [], {}  # the file of every recorder, in order; when one was killed, by its file
+        self.nodes, self.clocks, self.extra, self.trial, self.troubles = {}, {}, {}, 0, []
         self.environment = {**os.environ, "TMPDIR": str(self.folder)}
+        self.route_by("robot-sim")
 
-    def start_all(self, extra=None, clocks=None, site=False):
-        """Every node, the robot first, for it routes; `extra` flags and wall clocks by node; with certificates or not."""
-        self.extra, self.clocks = extra or {}, clocks or {}
-        self.site = Site(self) if site else None
-        for node in ("robot-sim", "recorder", "predictor", "arbiter"):
+    def route_by(self, node):
+        """Everybody dials this node's process; a router stands on the guest's host."""
+        self.routes = node
+        self.endpoint = f"tcp/{self.network.address(HOST_OF.get(node, node))}:{PORT}"
+
+    def start_all(self, fault, clocks):
+        """Every node, whoever routes first; with the fault's settings, wall clocks and certificates."""
+        self.extra, self.clocks = fault.extra, clocks
+        self.route_by(fault.routes)
+        self.site = Site(self) if fault.certificate else None
+        nodes = ("robot-sim", "recorder", "predictor", "arbiter")
+        for node in nodes if self.routes in nodes else (self.routes, *nodes):
             self.start(node)
         observer = [self.python, str(HERE / "observer.py"), *self.way_in()]
+        observer += ["--hears-commands"] if fault.sees_commands else []
         observer = self.run_on("robot", observer, pipes=True)
         self.sight = Sight(observer)
         self.start("operator")
@@ -129,15 +148,23 @@ class Lab:
 
     def start(self, node):
         """Starts a node, or starts it again."""
-        host = {"robot-sim": "robot", "recorder": "robot", "second": "guest"}.get(node, node)
         command = [self.tandem, "operator" if node == "second" else node]
-        command += ["--listen", self.endpoint] if node == "robot-sim" else ["--connect", self.endpoint]
-        command += ["--insecure"] if node == "robot-sim" and not self.site else []
+        command += ["--listen", self.endpoint] if node == self.routes else ["--connect", self.endpoint]
+        command += ["--insecure"] if node == self.routes and not self.site else []
         command += ["--site", str(self.site.folder), "--member", node] if self.site else []
-        command += ["--record", str(self.session)] if node == "recorder" else []
+        if node == "recorder":
+            self.sessions.append(self.folder / f"session-{len(self.sessions) + 1}.mcap")
+            command += ["--record", str(self.sessions[-1])]
         command += ["--set", "operator.name=second"] if node == "second" else []
         command += [word for pair in self.extra.get(node, ()) for word in ("--set", pair)]
-        self.nodes[node] = self.run_on(host, command, name=node)
+        self.nodes[node] = self.run_on(HOST_OF.get(node, node), command, name=node)
+
+    def ask_as_guest(self, *words):
+        """Runs a command of the program on the guest's host; that it fails is told with the row."""
+        command = [*in_namespace(self.network.names["guest"]), self.tandem, *words, "--connect", self.endpoint]
+        done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=30)
+        if done.returncode:
+            self.troubles.append(f"tandem {' '.join(words)} ended with {done.returncode}: {done.stderr.strip()}")
 
     def run_on(self, host, command, name="", pipes=False):
         """Runs a program on a host."""
@@ -160,6 +187,8 @@ class Lab:
         self.nodes[node].send_signal(what)
         if what == signal.SIGKILL:
             self.nodes[node].wait()
+            if node == "recorder":
+                self.cut_short[self.sessions[-1]] = time.time()
         return time.monotonic()
 
     def next_trial(self):
@@ -187,6 +216,8 @@ class Lab:
             self.end_one(self.sight.process, signal.SIGKILL)
         if "recorder" in self.nodes:
             self.end_one(self.nodes["recorder"], limit_s=20)
+        if "router" in self.nodes:
+            self.end_one(self.nodes["router"])
         self.network.close()
 
     def end_one(self, process, what=signal.SIGINT, limit_s=4):

@@ -8,12 +8,10 @@ import subprocess
 import time
 from pathlib import Path
 
-from faults import CONTROL, DRIVES_ON, STOPS
+import judge
+from faults import STOPS
 from hosts import HERE, Lab
 
-BEGINS_WITHIN_MS = 110.0
-# A robot refuses this many messages of its own arbiter's in a row of cuts; a stranger says 200 a second.
-FEW = 200
 # Stops that belong to every trial, whatever else happens.
 USUAL = ("the deadman is released", "the trial is over", "no trial is running")
 
@@ -60,7 +58,7 @@ class Row:
         clocks = fault.clocks
         if clocks == "stepping":
             self.clock, clocks = stepping_clocks(lab)
-        lab.start_all(fault.extra, clocks, bool(fault.certificate))
+        lab.start_all(fault, clocks)
         if not lab.until_moving(30):
             self.troubles.append("it never moved")
             raise RuntimeError(f"{fault.name}: it never moved; see {lab.folder}")
@@ -115,22 +113,20 @@ class Row:
 
     def _ask(self, *words):
         done = subprocess.run([self.options.tandem, *words], capture_output=True, text=True, timeout=120)
+        if not done.stdout:
+            raise RuntimeError(f"tandem {' '.join(words)}: {done.stderr.strip()}")
         return json.loads(done.stdout)
 
     def _figures(self, wanted):
         fault, lab = self.fault, self.lab
-        runs = self._ask("session", "stops", "--json", str(lab.session))
-        info = self._ask("session", "info", "--json", str(lab.session))
+        # A new recorder fetches what there was before it, so that the last file tells of the whole row.
+        runs = self._ask("session", "stops", "--json", str(lab.sessions[-1]))
+        info = self._ask("session", "info", "--json", str(lab.sessions[-1]))
         stops = [self._placed(run, stop) for run in runs for stop in run["stops"]]
         self.repetitions = [repetition for repetition in self.repetitions if not self._stood(repetition, stops)]
         measured = [self._of(repetition, stops) for repetition in self.repetitions]
         found = [stop for stop in measured if stop]
         other = [stop for stop in stops if stop not in found and not stop["reason"].startswith(USUAL)]
-        commands = next((s for s in info["streams"] if s["topic"] == "command"), {"received": 0, "missed": 0})
-        # Garbage holds true states with a bit turned, which an observer believes; the robot's own journal it cannot spoil.
-        seen = 0 if fault.guest and "garbage" in fault.guest else len(lab.sight.stale())
-        recorded = sum(not again["fresh"] for again in self._agains(runs))
-        admitted, missed = (sum(run[key] for run in runs) for key in ("setpoints", "setpoints_missed"))
         figures = {
             "group": fault.group,
             "name": fault.name,
@@ -138,25 +134,63 @@ class Row:
             "expects": fault.expects,
             "wanted": wanted,
             "repetitions": len(self.repetitions),
-            "begins_ms": [stop["began_ms"] for stop in found],
-            "rests_ms": [stop["at_rest_ms"] for stop in found],
-            "brakes_ms": [stop["at_rest_ms"] - stop["began_ms"] for stop in found if stop["at_rest_ms"]],
-            "needed_ms": [1e3 * stop["speed_m_s"] / 4.0 for stop in found],
-            "way_mm": [1e3 * stop["way_m"] for stop in found],
+            **self._of_stops(found),
             "recovers_s": [r["went"] - r["healed"] for r in self.repetitions if r["went"]],
-            "reasons": sorted({" ".join(w for w in stop["reason"].split() if not w.isdigit()) for stop in found}),
             "other_stops": len(other),
+            **self._of_streams(runs, info),
+            **self._of_motion(runs),
+            "files": [self._mended(path) for path in lab.cut_short],
+            "incomplete": [run["missing"] for run in runs if run["missing"]],
+        }
+        broken = judge.broken(fault, figures, self.repetitions, measured, other)
+        figures["troubles"] = self.troubles + lab.troubles + broken
+        return figures
+
+    @staticmethod
+    def _of_stops(found):
+        return {
+            "begins_ms": [stop["began_ms"] for stop in found],
+            "taken_up_ms": [judge.taken_up_ms(stop) for stop in found],
+            "rests_ms": [stop["at_rest_ms"] for stop in found],
+            "beyond_ramp_ms": [judge.beyond_ramp_ms(stop) for stop in found],
+            "way_mm": [1e3 * stop["way_m"] for stop in found],
+            "reasons": sorted({" ".join(w for w in stop["reason"].split() if not w.isdigit()) for stop in found}),
+        }
+
+    @staticmethod
+    def _of_streams(runs, info):
+        commands = next((s for s in info["streams"] if s["topic"] == "command"), {"received": 0, "missed": 0})
+        admitted, missed = (sum(run[key] for run in runs) for key in ("setpoints", "setpoints_missed"))
+        return {
             "driven_s": sum(run["span_s"] for run in runs),
             "setpoints_missed": missed / max(1, admitted + missed),
             "commands_missed": commands["missed"] / max(1, commands["received"] + commands["missed"]),
             "refused": sum(run["refused"] for run in runs),
-            "moved": len(self._agains(runs)),
-            "stale": recorded + seen,
-            "stale_recorded": recorded,
-            "incomplete": [run["missing"] for run in runs if run["missing"]],
         }
-        figures["troubles"] = self.troubles + self._broken(figures, measured, stops, other)
-        return figures
+
+    def _of_motion(self, runs):
+        """By what it moved: as its journal has it, and as the observer saw it, which a guest's broken states spoil."""
+        sight, spoiled = self.lab.sight, self.fault.spoils
+        recorded = sum(not again["fresh"] for again in self._agains(runs))
+        return {
+            "moved": len(self._agains(runs)),
+            "stale": recorded + (0 if spoiled else len(sight.stale())),
+            "stale_recorded": recorded,
+            "warranted": sight.latest.get("warranted", 0),
+            "unjudged": sight.latest.get("unjudged", 0),
+            "pressed": list(sight.pressed),
+            "unwarranted": [] if spoiled else list(sight.unwarranted),
+        }
+
+    def _mended(self, path):
+        """Repairs the file of a recorder that was killed: what the repaired one lacks before the kill, in seconds."""
+        whole = path.with_suffix(".repaired.mcap")
+        done = subprocess.run([self.options.tandem, "session", "repair", str(path)], capture_output=True, text=True, timeout=120)
+        if done.returncode:
+            return {"lacks_s": None, "why": done.stderr.strip()}
+        info = self._ask("session", "info", "--json", str(whole))
+        ends = info["began_unix_ns"] * 1e-9 + info["duration_s"]
+        return {"lacks_s": self.lab.cut_short[path] - ends, "why": ""}
 
     @staticmethod
     def _agains(runs):
@@ -182,33 +216,8 @@ class Row:
             began - 0.02 <= stop["at"] <= end and stop["reason"] == "the trial is over" for stop in placed
         )
 
-    @staticmethod
-    def _of(repetition, stops):
+    def _of(self, repetition, stops):
         """The stop that a repetition brought about."""
         began, end = repetition["begun"] - 0.02, repetition["healed"] + 0.15
+        stops = [stop for stop in stops if stop["reason"].startswith(self.fault.because)]
         return next((stop for stop in stops if stop["at"] is not None and began <= stop["at"] <= end), None)
-
-    def _broken(self, figures, measured, stops, other):
-        """Every promise that was not kept, in words."""
-        fault, broken = self.fault, []
-        late = [ms for ms in figures["begins_ms"] if ms is None or ms > BEGINS_WITHIN_MS]
-        if late and not fault.robot_dies:
-            broken.append(f"{len(late)} stops began later than {BEGINS_WITHIN_MS:.0f} ms: {late[:5]}")
-        if any(stop["drove_on"] for stop in stops):
-            broken.append(f"{sum(stop['drove_on'] for stop in stops)} times it drove on")
-        if figures["stale"]:
-            told = f"{figures['stale_recorded']} by its journal, the rest as the observer saw it"
-            broken.append(f"{figures['stale']} times it moved without a fresh press ({told})")
-        if fault.expects == STOPS and not fault.robot_dies and None in measured:
-            broken.append(f"{measured.count(None)} times it did not stop")
-        if fault.expects == STOPS and len(figures["recovers_s"]) < len(self.repetitions):
-            broken.append(f"{len(self.repetitions) - len(figures['recovers_s'])} times it did not move again")
-        if fault.expects == DRIVES_ON and other:
-            broken.append(f"it stopped {len(other)} times: {other[0]['reason']}")
-        if fault.promise == CONTROL:
-            return [] if figures["refused"] > FEW else ["the forger was not heard, so that the other rows show nothing"]
-        if fault.certificate and figures["refused"] > FEW:
-            broken.append(f"{figures['refused']} messages of a stranger reached the robot")
-        if not self.repetitions:
-            broken.append("no repetition")
-        return broken

@@ -2,7 +2,9 @@
 """Stands on the robot's host and watches: one line of JSON on the output for whatever whoever drives the lab must know.
 
 On its input: `begin N` begins trial N. Every line carries `now`, this machine's monotonic clock in seconds, and the robot's
-clock beside it where a state brought it. Motion that begins by a press which had let the robot move before is told as `stale`.
+clock beside it where a state brought it. Motion that begins by a press which had let the robot move before is told as `stale`;
+what a state lacks that says it moves, as `unwarranted` (warrant.py). `warranted` states lacked nothing. A press of the
+deadman that begins is told as `pressed`.
 """
 
 import argparse
@@ -15,6 +17,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples" / "python"))
 import tandem_wire as wire  # noqa: E402
 from tandem_link import Link, arguments, fresh_session  # noqa: E402
+from warrant import Warrants  # noqa: E402
 
 MOVING_M_S = 0.03
 
@@ -23,13 +26,28 @@ class Observer:
     """What has been seen. Pure: arrivals in, lines out."""
 
     def __init__(self):
-        self.used, self.said, self.newest = set(), None, (None, 0)
+        self.used, self.said, self.newest, self.warrants = set(), None, (None, 0), Warrants()
 
-    def state(self, now, head, body):
-        """A line for each state that differs from the one before in what matters. What somebody says again is no news."""
+    def take(self, now, suffix, head, body, begun):
+        """The lines that a message is worth; `begun` is the moment at which its sender's clock began."""
+        if suffix == "command":
+            press = self.warrants.hear(now, head, body)
+            if press is not None:
+                yield {"pressed": press, "now": now}
+            return
+        # What somebody says again is no news.
         if head["session"] == self.newest[0] and head["seq"] <= self.newest[1]:
-            return None
+            return
         self.newest = (head["session"], head["seq"])
+        missing = self.warrants.missing(begun + head["sent"] * 1e-9, body)
+        if missing:
+            yield {"unwarranted": missing, "now": now}
+        line = self._state(now, head, body)
+        if line:
+            yield {**line, "warranted": self.warrants.warranted, "unjudged": self.warrants.unjudged}
+
+    def _state(self, now, head, body):
+        """A line for each state that differs from the one before in what matters."""
         permitted, moving = body["motion"][0] == "Permitted", wire_speed(body["tool_velocity"]) > MOVING_M_S
         obeyed = body["obeys"] and body["obeys"]["setpoint"]
         said = {
@@ -57,11 +75,31 @@ def wire_speed(velocity):
     return sum(part * part for part in velocity) ** 0.5
 
 
+class Origin:
+    """The stamp of this machine's clock at which the robot's began: the least difference that there was."""
+
+    def __init__(self):
+        self.session, self.at = None, 0.0
+
+    def narrow(self, now, head):
+        """Takes in a state; whether it told anything new."""
+        at = now - head["sent"] * 1e-9
+        if head["session"] == self.session and at >= self.at - 1e-4:
+            return False
+        self.session, self.at = head["session"], at
+        return True
+
+
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments(parser)
-    link, observer = Link(parser.parse_args(), ("state",)), Observer()
-    trials, session, offset = link.publisher("trial", False), fresh_session(), None
+    parser.add_argument("--hears-commands", action="store_true", help="also judges whether the deadman is held")
+    options = parser.parse_args()
+    link = Link(options, ("state", "command") if options.hears_commands else ("state",))
+    trials, session, observer, origin = link.publisher("trial", False), fresh_session(), Observer(), Origin()
+
+    def tell(line):
+        print(json.dumps(line), flush=True)
 
     def obey():
         for seq, line in enumerate(sys.stdin, 1):
@@ -79,14 +117,10 @@ def main():
         except wire.Malformed:
             continue
         now = arrived * 1e-9
-        line = observer.state(now, head, body)
-        # The least difference there was: the stamp of this machine's clock at which the robot's clock began.
-        origin = (head["session"], now - head["sent"] * 1e-9)
-        if offset is None or offset[0] != origin[0] or origin[1] < offset[1] - 1e-4:
-            offset = origin
-            print(json.dumps({"origin": origin[1], "session": f"{origin[0]:016x}"}), flush=True)
-        if line:
-            print(json.dumps(line), flush=True)
+        if suffix == "state" and origin.narrow(now, head):
+            tell({"origin": origin.at, "session": f"{origin.session:016x}"})
+        for line in observer.take(now, suffix, head, body, origin.at):
+            tell(line)
     link.close()
 
 
