@@ -20,8 +20,9 @@ def line(row):
         return f"{row['name']}: {'; '.join(row['troubles'])}"
     verdict = "BROKEN: " + "; ".join(row["troubles"]) if row["troubles"] else "kept"
     return (
-        f"{row['name']}: {row['repetitions']}×, stop begins {pair(row['begins_ms'], '.0f')} ms, stands {pair(row['rests_ms'], '.0f')} ms,"
-        f" moves again {pair(row['recovers_s'], '.2f')} s, other stops {row['other_stops']}, stale {row['stale']}: {verdict}"
+        f"{row['name']}: {row['repetitions']}×, stop begins {pair(row['begins_ms'], '.0f')} ms, stands {pair(row['rests_ms'], '.0f')} ms"
+        f" ({pair(row['beyond_ramp_ms'], '.0f')} beyond the ramp), moves again {pair(row['recovers_s'], '.2f')} s,"
+        f" other stops {row['other_stops']}, by an old press {row['stale']}, by nobody {len(row['unwarranted'])}: {verdict}"
     )
 
 
@@ -32,8 +33,11 @@ def keep(path, row):
     path.write_text(json.dumps({"rows": rows}, indent=1))
 
 
+def share(missed):
+    return f"{100 * missed:.1f} %"
+
+
 def cells(row):
-    share = f"{100 * row['setpoints_missed']:.1f} %"
     stops = row["expects"] == STOPS
     others = f"{60 * row['other_stops'] / max(1.0, row['driven_s']):.1f}"
     return [
@@ -42,10 +46,12 @@ def cells(row):
         str(row["repetitions"]),
         pair(row["begins_ms"] if stops else [], ".0f"),
         pair(row["rests_ms"] if stops else [], ".0f"),
-        share,
+        share(row["setpoints_missed"]),
+        share(row["commands_missed"]),
         others,
         pair(row["recovers_s"], ".1f"),
         f"{row['stale']} of {row['moved']}",
+        f"{len(row['unwarranted'])} of {row['warranted'] + len(row['unwarranted'])}",
         row["date"],
     ]
 
@@ -57,9 +63,11 @@ HEAD = [
     "stop begins, ms",
     "stands, ms",
     "setpoints missed",
+    "commands missed",
     "other stops a minute",
     "moves again, s",
     "by an old press",
+    "by nobody",
     "measured",
 ]
 
