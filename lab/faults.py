@@ -172,7 +172,7 @@ SHUT_OUT = "let in nowhere: " + STILL
 CONTROL = "nothing: it is heard"
 STRANGERS = [
     Fault("all nodes with certificates, no stranger", STILL, **{**FORGER, "guest": None}, certificate="member"),
-    Fault("forger without a certificate", SHUT_OUT, **FORGER, certificate="none"),
+    Fault("forger without a certificate", SHUT_OUT, **FORGER, certificate="none", quick=True),
     Fault("forger with another site's certificate", SHUT_OUT, **FORGER, certificate="other"),
     Fault("forger with an expired certificate", SHUT_OUT, **FORGER, certificate="late"),
     Fault("forger with a viewer's certificate", "hears, and may say nothing: " + STILL, **FORGER, certificate="viewer"),

@@ -14,7 +14,7 @@ from network import Network, in_namespace
 HERE = Path(__file__).resolve().parent
 HOSTS = ("robot", "arbiter", "predictor", "operator", "guest")
 # Where a node stands that has no host of its own.
-HOST_OF = {"robot-sim": "robot", "recorder": "robot", "second": "guest", "router": "guest"}
+HOST_OF = {"robot-sim": "robot", "recorder": "robot", "router": "robot", "second": "guest"}
 PORT = 7447
 FAKETIME = "/usr/lib/x86_64-linux-gnu/faketime/libfaketimeMT.so.1"
 
@@ -124,7 +124,7 @@ class Lab:
         self.route_by("robot-sim")
 
     def route_by(self, node):
-        """Everybody dials this node's process; a router stands on the guest's host."""
+        """Everybody dials this node's process."""
         self.routes = node
         self.endpoint = f"tcp/{self.network.address(HOST_OF.get(node, node))}:{PORT}"
 

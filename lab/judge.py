@@ -74,8 +74,8 @@ def of_motion(fault, figures, stops):
     if figures["unwarranted"]:
         told = "; ".join(sorted(set(figures["unwarranted"])))
         troubles.append(f"{len(figures['unwarranted'])} states said that it moves and lacked what that takes: {told}")
-    if fault.sees_commands and not figures["warranted"]:
-        troubles.append("no state could be judged by the deadman")
+    if fault.sees_commands and figures["warranted"] <= figures["unjudged"]:
+        troubles.append(f"only {figures['warranted']} states could be judged by the deadman, {figures['unjudged']} could not")
     return troubles
 
 

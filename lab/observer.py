@@ -39,7 +39,7 @@ class Observer:
         if head["session"] == self.newest[0] and head["seq"] <= self.newest[1]:
             return
         self.newest = (head["session"], head["seq"])
-        missing = self.warrants.missing(begun + head["sent"] * 1e-9, body)
+        missing = self.warrants.missing(begun + head["sent"] * 1e-9, head, body)
         if missing:
             yield {"unwarranted": missing, "now": now}
         line = self._state(now, head, body)

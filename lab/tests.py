@@ -7,7 +7,8 @@ import table
 from faults import MATRIX, Fault, STOPS
 from warrant import Warrants
 
-HOLDER, STRANGER = 2, 3
+HOLDER, STRANGER, ROBOT = 2, 3, 4
+HEAD = {"session": ROBOT, "seq": 90}
 
 
 def a_stop(**changed):
@@ -73,7 +74,7 @@ class Promises(unittest.TestCase):
     def test_motion_by_an_old_press_or_by_nobody_breaks_it(self):
         self.broken("without a fresh press", stale=1)
         self.broken("nobody holds the lease", unwarranted=["nobody holds the lease"])
-        self.broken("no state could be judged", warranted=0)
+        self.broken("only 3 states could be judged", warranted=3, unjudged=4)
 
     def test_a_file_that_cannot_be_repaired_or_lacks_much_breaks_it(self):
         self.broken("cannot be repaired: no header", files=[{"lacks_s": None, "why": "no header"}])
@@ -92,10 +93,11 @@ class TheTable(unittest.TestCase):
     def test_a_row_has_a_cell_for_every_heading(self):
         row = {"name": "a", "promise": "b", "expects": STOPS, "repetitions": 1, "begins_ms": [1.0], "rests_ms": [2.0], "date": "today"}
         row |= {"setpoints_missed": 0.0, "commands_missed": 0.25, "other_stops": 0, "driven_s": 60.0, "recovers_s": [1.0]}
-        row |= {"stale": 0, "moved": 1, "unwarranted": [], "warranted": 7}
+        row |= {"stale": 0, "moved": 1, "unwarranted": ["nobody holds the lease"], "warranted": 7, "unjudged": 2}
         cells = table.cells(row)
         self.assertEqual(len(cells), len(table.HEAD))
         self.assertEqual(cells[table.HEAD.index("commands missed")], "25.0 %")
+        self.assertEqual(cells[table.HEAD.index("without deadman or lease")], "1 of 10")
 
 
 def a_state(press=1, **changed):
@@ -105,53 +107,64 @@ def a_state(press=1, **changed):
     return {"motion": motion, "obeys": {"setpoint": setpoint}}
 
 
-def heard(deadman=("Held", {"press": 1}), operator=HOLDER, number=5, at=10.0):
+def said(warrants, number, deadman=("Held", {"press": 1}), operator=HOLDER, at=10.0, answers=None):
+    """Has a command be heard; gives the press that begins with it."""
+    return warrants.hear(at, {"session": operator, "seq": number}, {"deadman": deadman, "seen": answers})
+
+
+def heard(**command):
     warrants = Warrants()
-    warrants.hear(at, {"session": operator, "seq": number}, {"deadman": deadman})
+    said(warrants, 5, **command)
     return warrants
 
 
 class WhoLetsItMove(unittest.TestCase):
     def test_a_held_deadman_of_whoever_holds_the_lease_does(self):
         warrants = heard()
-        self.assertIsNone(warrants.missing(10.1, a_state()))
+        self.assertIsNone(warrants.missing(10.1, HEAD, a_state()))
         self.assertEqual((warrants.warranted, warrants.unjudged), (1, 0))
 
     def test_a_press_begins_once(self):
         warrants = heard(deadman="Released")
-        held = [warrants.hear(10.0, {"session": HOLDER, "seq": number}, {"deadman": ("Held", {"press": 7})}) for number in (6, 7)]
-        self.assertEqual(held, [7, None])
+        self.assertEqual([said(warrants, number, ("Held", {"press": 7})) for number in (6, 7)], [7, None])
 
     def test_a_released_one_or_another_press_does_not(self):
-        self.assertIn("not held", heard(deadman="Released").missing(10.1, a_state()))
-        self.assertIn("not held", heard(deadman=("Held", {"press": 2})).missing(10.1, a_state()))
+        self.assertIn("not held", heard(deadman="Released").missing(10.1, HEAD, a_state()))
+        self.assertIn("not held", heard(deadman=("Held", {"press": 2})).missing(10.1, HEAD, a_state()))
 
     def test_one_that_was_held_long_ago_does_not(self):
-        self.assertIn("last seen held 300 ms before", heard().missing(10.3, a_state()))
+        self.assertIn("last seen held 300 ms before", heard().missing(10.3, HEAD, a_state()))
 
     def test_saying_an_old_command_again_does_not_make_it_new(self):
         warrants = heard()
-        warrants.hear(10.3, {"session": HOLDER, "seq": 5}, {"deadman": ("Held", {"press": 1})})
-        self.assertIn("last seen held", warrants.missing(10.3, a_state()))
+        said(warrants, 5, at=10.3)
+        self.assertIn("last seen held", warrants.missing(10.3, HEAD, a_state()))
+
+    def test_a_command_that_answers_an_old_state_does_not(self):
+        warrants = Warrants()
+        warrants.missing(9.3, {"session": ROBOT, "seq": 20}, {"motion": ("Held", "NoTrial"), "obeys": None})
+        said(warrants, 5, answers={"session": ROBOT, "seq": 20})
+        self.assertIsNone(warrants.missing(10.04, HEAD, a_state()))
+        self.assertIn("answers a state that is 800 ms old", warrants.missing(10.1, HEAD, a_state()))
 
     def test_nobody_else_and_no_setpoint_does(self):
-        self.assertIn("not the lease holder's", heard().missing(10.1, a_state(command={"id": {"session": STRANGER, "seq": 5}})))
-        self.assertIn("nobody holds the lease", heard().missing(10.1, a_state(lease=None)))
-        self.assertIn("no command", heard().missing(10.1, a_state(command=None)))
+        self.assertIn("not the lease holder's", heard().missing(10.1, HEAD, a_state(command={"id": {"session": STRANGER, "seq": 5}})))
+        self.assertIn("nobody holds the lease", heard().missing(10.1, HEAD, a_state(lease=None)))
+        self.assertIn("no command", heard().missing(10.1, HEAD, a_state(command=None)))
 
     def test_a_setpoint_that_the_arm_has_still_to_take_up_may_until_the_next_plan(self):
         for state in (a_state(motion=("Held", "DeadmanReleased")), {**a_state(), "obeys": None}):
             warrants = heard()
-            self.assertIsNone(warrants.missing(10.1, state))
-            self.assertIn("by this press", warrants.missing(10.12, state))
+            self.assertIsNone(warrants.missing(10.1, HEAD, state))
+            self.assertIn("by this press", warrants.missing(10.12, HEAD, state))
 
     def test_a_command_that_was_not_heard_is_counted_and_not_judged(self):
         warrants = heard(operator=STRANGER)
-        self.assertIsNone(warrants.missing(10.1, a_state()))
+        self.assertIsNone(warrants.missing(10.1, HEAD, a_state()))
         self.assertEqual((warrants.warranted, warrants.unjudged), (0, 1))
 
     def test_a_robot_that_stands_needs_nobody(self):
-        self.assertIsNone(Warrants().missing(10.1, {"motion": ("Held", "NoTrial"), "obeys": None}))
+        self.assertIsNone(Warrants().missing(10.1, HEAD, {"motion": ("Held", "NoTrial"), "obeys": None}))
 
 
 if __name__ == "__main__":
