@@ -145,7 +145,7 @@ LINES = [
     Fault("100 ± 10 ms", STILL, **CUT, prepare=line(delay=0.1, jitter=0.01)),
     Fault("200 ± 20 ms", STILL, **CUT, prepare=line(delay=0.2, jitter=0.02)),
     Fault("2 % of frames lost", STILL, **CUT, prepare=line(loss=0.02)),
-    Fault("10 % lost", STILL, **CUT, prepare=line(loss=0.1)),
+    Fault("10 % lost", STILL, **CUT, prepare=line(loss=0.1), quick=True),
     Fault("30 % lost", "mostly stands; never moves unasked", **CUT, prepare=line(loss=0.3), recovers_s=90),
     Fault("2 Mbit/s, bulk beside", STILL, **CUT, prepare=line(rate=2e6), guest=["operator", "bulk"]),
     Fault("10 % of frames twice", STILL, **CUT, prepare=line(duplicate=0.1)),
@@ -157,7 +157,7 @@ CLOCKS = [
     Fault("operator an hour ahead", STILL, **CUT, clocks={"operator": AHEAD}),
     Fault("robot an hour behind", STILL, **CUT, clocks={"robot-sim": BEHIND}),
     Fault("arbiter an hour behind, predictor ahead", STILL, **CUT, clocks={"arbiter": BEHIND, "predictor": AHEAD}),
-    Fault("all of them stepping by an hour", STILL, **CUT, clocks="stepping"),
+    Fault("all of them stepping by an hour", STILL, **CUT, clocks="stepping", quick=True),
 ]
 GUESTS = [
     Fault("a flood of garbage on every key", STILL, **CUT, guest=["guest", "garbage"]),
@@ -165,7 +165,7 @@ GUESTS = [
     Fault(
         "motion forged in other runs' names", "refused while the true ones speak", expects=DRIVES_ON, guest=["guest", "forge"], hold=(0.5, 1.0)
     ),
-    Fault("two operators press at once", "one drives, the other is refused", expects=DRIVES_ON, guest=["second"], hold=(0.5, 1.0)),
+    Fault("two operators press at once", "one drives, the other is refused", expects=DRIVES_ON, guest=["second"], hold=(0.5, 1.0), quick=True),
 ]
 FORGER = {**CUT, "guest": ["guest", "forge"]}
 SHUT_OUT = "let in nowhere: " + STILL
