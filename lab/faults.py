@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import Callable, Optional
 
 STOPS, DRIVES_ON = "stops", "drives on"
-ENDS_WITHIN_S = 10.0
 OTHERS = ("robot", "arbiter", "predictor", "guest")
 
 
@@ -65,7 +64,7 @@ def start(node):
     """Starts a node again, once the one before has ended."""
 
     def again(lab):
-        lab.nodes[node].wait(ENDS_WITHIN_S)
+        lab.await_end(node)
         lab.start(node)
         return time.monotonic()
 

@@ -16,6 +16,8 @@ HOSTS = ("robot", "arbiter", "predictor", "operator", "guest")
 # Where a node stands that has no host of its own.
 HOST_OF = {"robot-sim": "robot", "recorder": "robot", "router": "robot", "second": "guest"}
 PORT = 7447
+# A node that ends waits for a recorder for some seconds, not longer.
+ENDS_WITHIN_S = 10.0
 FAKETIME = "/usr/lib/x86_64-linux-gnu/faketime/libfaketimeMT.so.1"
 
 
@@ -190,6 +192,14 @@ class Lab:
             if node == "recorder":
                 self.cut_short[self.sessions[-1]] = time.time()
         return time.monotonic()
+
+    def await_end(self, node):
+        """Waits until a node has ended that was asked to, or killed; one that does not end is told with the row, and killed."""
+        try:
+            self.nodes[node].wait(ENDS_WITHIN_S)
+        except subprocess.TimeoutExpired:
+            self.troubles.append(f"{node} did not end within {ENDS_WITHIN_S:.0f} s of Ctrl-C")
+            self.send(node, signal.SIGKILL)
 
     def next_trial(self):
         self.trial += 1

@@ -59,6 +59,8 @@ def broken(fault, figures, repetitions, measured, other):
         troubles.append(f"{figures['refused']} messages of a stranger reached the robot")
     if not repetitions:
         troubles.append("no repetition")
+    if not figures["driven_s"]:
+        troubles.append("the session file holds no journal of the robot, so that its stops are not known")
     return troubles + of_files(figures)
 
 

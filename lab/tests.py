@@ -19,7 +19,7 @@ def a_stop(**changed):
 
 def figures(**changed):
     of_motion = {"stale": 0, "stale_recorded": 0, "warranted": 9, "unjudged": 0, "unwarranted": []}
-    return {**of_motion, "refused": 0, "recovers_s": [0.5], "pressed": [1.5], "files": [], "incomplete": [], **changed}
+    return {**of_motion, "refused": 0, "recovers_s": [0.5], "pressed": [1.5], "driven_s": 60.0, "files": [], "incomplete": [], **changed}
 
 
 def troubles(fault=None, stop=None, other=(), **changed):
@@ -59,6 +59,9 @@ class Promises(unittest.TestCase):
     def test_a_row_in_which_nobody_tried_to_move_it_breaks_it(self):
         fault = Fault("an emergency stop", "no press moves it", because="emergency", stands_still=True)
         self.broken("nobody pressed", fault=fault, stop=a_stop(reason="emergency stop"), pressed=[])
+
+    def test_a_row_without_the_robots_journal_breaks_it(self):
+        self.broken("no journal of the robot", driven_s=0)
 
     def test_an_arm_that_speeds_up_while_it_is_stopped_breaks_it(self):
         self.broken("drove on", stop=a_stop(drove_on=True))
