@@ -45,8 +45,7 @@ def broken(fault, figures, repetitions, measured, other):
     """Every promise that was not kept, in words. `measured` has the stop of each repetition, or None; `other` the rest."""
     if fault.promise == CONTROL:
         return [] if figures["refused"] > FEW else ["the forger was not heard, so that the other rows show nothing"]
-    found = [stop for stop in measured if stop]
-    troubles = of_motion(fault, figures, found + other)
+    troubles = of_motion(fault, figures)
     if fault.expects == STOPS and not fault.robot_dies:
         troubles += of_stops(fault, repetitions, measured)
     if fault.because and not any(r["begun"] < at < r["healed"] for at in figures["pressed"] for r in repetitions):
@@ -64,12 +63,11 @@ def broken(fault, figures, repetitions, measured, other):
     return troubles + of_files(figures)
 
 
-def of_motion(fault, figures, stops):
+def of_motion(fault, figures):
     """Motion that nobody asked for."""
     troubles = []
-    drove_on = sum(stop["drove_on"] for stop in stops)
-    if drove_on:
-        troubles.append(f"{drove_on} times it drove on")
+    if figures["drove_on"]:
+        troubles.append(f"{figures['drove_on']} times it drove on")
     if figures["stale"]:
         told = f"{figures['stale_recorded']} by its journal, the rest as the observer saw it"
         troubles.append(f"{figures['stale']} times it moved without a fresh press ({told})")

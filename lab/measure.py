@@ -142,6 +142,7 @@ class Row:
             "recovers_s": [r["went"] - r["healed"] for r in self.repetitions if r["went"]],
             "other_stops": len(other),
             **self._of_streams(runs, info),
+            "drove_on": sum(stop["drove_on"] for stop in stops),
             **self._of_motion(runs),
             "files": [self._mended(path) for path in lab.cut_short],
             "incomplete": [run["missing"] for run in runs if run["missing"]],
