@@ -115,7 +115,7 @@ NODES = [
     Fault("arbiter ended (Ctrl-C)", "stops at once; a fresh press moves it again", end("arbiter"), start("arbiter")),
     Fault("arbiter frozen", BY_ITSELF, freeze("arbiter"), thaw("arbiter")),
     Fault("predictor killed", "the human alone goes on", kill("predictor"), start("predictor"), DRIVES_ON, quick=True),
-    Fault("predictor ended (Ctrl-C)", "the human alone goes on", end("predictor"), start("predictor"), DRIVES_ON),
+    Fault("predictor ended (Ctrl-C)", "the human alone goes on", end("predictor"), start("predictor"), DRIVES_ON, settles_s=0.8),
     Fault("predictor frozen", "the human alone goes on", freeze("predictor"), thaw("predictor"), DRIVES_ON),
     Fault("recorder killed", "nothing changes; each file can be repaired", kill("recorder"), start("recorder"), DRIVES_ON, settles_s=1.2),
     Fault("recorder frozen", "nothing changes", freeze("recorder"), thaw("recorder"), DRIVES_ON),

@@ -6,6 +6,7 @@ import random
 import signal
 import subprocess
 import time
+from collections import Counter
 from pathlib import Path
 
 import judge
@@ -148,7 +149,8 @@ class Row:
             "incomplete": [run["missing"] for run in runs if run["missing"]],
         }
         broken = judge.broken(fault, figures, self.repetitions, measured, other)
-        figures["troubles"] = self.troubles + lab.troubles + broken
+        happened = Counter(self.troubles + lab.troubles)
+        figures["troubles"] = [what if times == 1 else f"{times} times: {what}" for what, times in happened.items()] + broken
         return figures
 
     @staticmethod
