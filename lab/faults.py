@@ -164,7 +164,7 @@ GUESTS = [
     Fault(
         "motion forged in other runs' names", "refused while the true ones speak", expects=DRIVES_ON, guest=["guest", "forge"], hold=(0.5, 1.0)
     ),
-    Fault("two operators press at once", "one drives, the other is refused", expects=DRIVES_ON, guest=["second"], hold=(0.5, 1.0), quick=True),
+    Fault("two operators press at once", "one drives, the other is refused", expects=DRIVES_ON, guest=["second"], hold=(0.5, 1.0)),
 ]
 FORGER = {**CUT, "guest": ["guest", "forge"]}
 SHUT_OUT = "let in nowhere: " + STILL

@@ -13,6 +13,8 @@ RAMP_M_S2 = 0.8 * 4.0
 BEYOND_RAMP_MS = 100.0
 # A robot refuses this many messages of its own arbiter's in a row of cuts; a stranger says 200 a second.
 FEW = 200
+# Stops that belong to every trial, whatever else happens.
+USUAL = ("the deadman is released", "the trial is over", "no trial is running")
 # By so much motion may seem to begin before the fault was undone: the clocks of two processes are compared.
 CLOCKS_S = 0.02
 # What a killed recorder's file may lack before the kill (docs/sessions.md).
@@ -39,6 +41,12 @@ def above(values, limit):
 def shown(values):
     """The first few, for people."""
     return ", ".join("never" if value is None else f"{value:.0f}" for value in values[:5])
+
+
+def unasked(fault, stops, found):
+    """Stops that the row does not promise: where it drives on, also those that came with the fault."""
+    promised = found if fault.expects == STOPS else []
+    return [stop for stop in stops if stop not in promised and not stop["reason"].startswith(USUAL)]
 
 
 def broken(fault, figures, repetitions, measured, other):

@@ -15,8 +15,6 @@ from hosts import HERE, Lab
 
 # So long the last of several recorders has to fetch what nodes kept of the whole row: minutes of journals, at bulk's priority.
 FILLS_S = 10.0
-# Stops that belong to every trial, whatever else happens.
-USUAL = ("the deadman is released", "the trial is over", "no trial is running")
 
 
 def stepping_clocks(lab):
@@ -50,6 +48,7 @@ class Row:
             if lab.cut_short:
                 time.sleep(FILLS_S)
         finally:
+            self.ended = time.monotonic()
             if self.guest:
                 lab.end_one(self.guest, signal.SIGKILL)
             lab.end()
@@ -128,10 +127,12 @@ class Row:
         runs = self._ask("session", "stops", "--json", str(lab.sessions[-1]))
         info = self._ask("session", "info", "--json", str(lab.sessions[-1]))
         stops = [self._placed(run, stop) for run in runs for stop in run["stops"]]
+        # That the nodes are ended is no fault of the row's.
+        stops = [stop for stop in stops if stop["at"] is None or stop["at"] < self.ended]
         self.repetitions = [repetition for repetition in self.repetitions if not self._stood(repetition, stops)]
         measured = [self._of(repetition, stops) for repetition in self.repetitions]
         found = [stop for stop in measured if stop]
-        other = [stop for stop in stops if stop not in found and not stop["reason"].startswith(USUAL)]
+        other = judge.unasked(fault, stops, found)
         figures = {
             "group": fault.group,
             "name": fault.name,

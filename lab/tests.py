@@ -74,6 +74,11 @@ class Promises(unittest.TestCase):
     def test_a_stop_where_none_is_promised_breaks_it(self):
         self.broken("it stopped 1 times", fault=Fault("a fault", "goes on", expects="drives on"), other=[a_stop()])
 
+    def test_a_stop_that_comes_with_the_fault_is_promised_only_where_the_row_stops(self):
+        stops = [a_stop(), a_stop(at=1.2), a_stop(reason="the trial is over")]
+        self.assertEqual(judge.unasked(Fault("a fault", "stops"), stops, stops[:1]), stops[1:2])
+        self.assertEqual(judge.unasked(Fault("a fault", "goes on", expects="drives on"), stops, stops[:1]), stops[:2])
+
     def test_motion_by_an_old_press_or_by_nobody_breaks_it(self):
         self.broken("without a fresh press", stale=1)
         self.broken("nobody holds the lease", unwarranted=["nobody holds the lease"])
