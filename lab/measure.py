@@ -32,7 +32,7 @@ class Row:
         self.fault, self.options = fault, options
         self.lab = Lab(prefix, folder, options.tandem, options.python, options.seed)
         self.draw, self.repetitions, self.troubles = random.Random(options.seed), [], []
-        self.guest = self.clock = None
+        self.guests, self.clock = [], None
 
     def run(self):
         """Everything; gives the row's figures."""
@@ -49,8 +49,8 @@ class Row:
                 time.sleep(FILLS_S)
         finally:
             self.ended = time.monotonic()
-            if self.guest:
-                lab.end_one(self.guest, signal.SIGKILL)
+            for guest in self.guests:
+                lab.end_one(guest, signal.SIGKILL)
             lab.end()
         figures = self._figures(wanted)
         if not (figures["troubles"] or self.options.keep):
@@ -73,9 +73,9 @@ class Row:
         elif fault.guest:
             host, what = fault.guest
             if what == "bulk":
-                self.sink = lab.run_on("robot", [lab.python, str(HERE / "hostile.py"), "sink", *lab.way_in()])
+                self.guests.append(lab.run_on("robot", [lab.python, str(HERE / "hostile.py"), "sink", *lab.way_in()]))
             command = [lab.python, str(HERE / "hostile.py"), what, *lab.way_in(fault.certificate)]
-            self.guest = lab.run_on(host, command)
+            self.guests.append(lab.run_on(host, command))
             time.sleep(1.5)
 
     def _step_clock(self):
