@@ -71,7 +71,8 @@ def forge(link, out):
         if setpoint and seen:
             seq += 1
             motion, velocity = ("Permitted", {"press": seq // 20 + 1}), (0.3, 0.3, 0.3)
-            forged = {**setpoint, "motion": motion, "velocity": velocity, "seen": seen}
+            used = setpoint["command"] and {**setpoint["command"], "seen": seen}
+            forged = {**setpoint, "motion": motion, "velocity": velocity, "seen": seen, "command": used}
             command = {"velocity": velocity, "deadman": ("Held", {"press": seq // 20 + 1}), "seen": seen}
             head = wire.header(tick, session, seq, time.monotonic_ns())
             out["setpoint"].put(wire.encode("setpoint", head, forged))
