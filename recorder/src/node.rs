@@ -329,13 +329,9 @@ impl Recorder {
     }
 
     fn heard(&self, now: Stamp, tick: u32, entry: Entry) -> Heard {
-        let session_time = match self.timing.pace {
-            Pace::Real => now,
-            Pace::Lockstep => Stamp::of_tick(tick, self.timing.period),
-        };
         Heard {
             at: now,
-            session_time,
+            session_time: self.timing.session_time(now, tick),
             tick,
             entry,
         }

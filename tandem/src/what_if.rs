@@ -97,12 +97,8 @@ fn draw(path: &Path, flags: &WhatIfFlags, recording: &Recording, answer: &WhatIf
     let timing = answer.timing;
     let mut newest = Stamp(0);
     let original = recording.messages.iter().map(|message| {
-        let at = match timing.pace {
-            Pace::Real => message.at,
-            Pace::Lockstep => Stamp::of_tick(message.header.tick, timing.period),
-        };
         // A mark has no tick of its own: it stays where it arrived.
-        newest = newest.max(at);
+        newest = newest.max(timing.session_time(message.at, message.header.tick));
         (Side::Original, newest, message.topic, message.bytes.as_slice())
     });
     let mut messages: Vec<(Side, Stamp, Topic, &[u8])> = original.collect();

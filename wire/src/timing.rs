@@ -1,6 +1,6 @@
 //! The rates and limits in time that all nodes share.
 
-use crate::stamp::{MILLISECOND, Nanos};
+use crate::stamp::{MILLISECOND, Nanos, Stamp};
 use crate::stream_timeout;
 
 /// What drives time.
@@ -68,9 +68,31 @@ impl Timing {
         stream_timeout(self.timeout, self.message_period())
     }
 
+    /// Where a message belongs on the session's time axis: where it arrived, or in lockstep, whose messages arrive as fast
+    /// as they can, where its tick is.
+    #[must_use]
+    pub fn session_time(&self, at: Stamp, tick: u32) -> Stamp {
+        match self.pace {
+            Pace::Real => at,
+            Pace::Lockstep => Stamp::of_tick(tick, self.period),
+        }
+    }
+
     /// The control period in seconds.
     #[must_use]
     pub fn period_s(&self) -> f64 {
         crate::seconds(self.period)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_belongs_where_it_arrived_and_in_lockstep_where_its_tick_is() {
+        let (real, at) = (Timing::default(), Stamp(7 * MILLISECOND));
+        assert_eq!(real.session_time(at, 3), at);
+        assert_eq!(real.lockstep().session_time(at, 3), Stamp(3 * real.period));
     }
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use rerun::log::PendingRow;
 use rerun::sink::{FileSink, FileSinkOptions};
 use rerun::{RecordingStream, RecordingStreamBuilder, TimePoint};
-use tandem_wire::{Input, Pace, Ports, Stamp, Timing, Topic};
+use tandem_wire::{Input, Ports, Stamp, Timing, Topic};
 
 use super::OpenError;
 use crate::heard::{Entry, Heard};
@@ -81,13 +81,9 @@ fn heard(timing: Timing, at: Stamp, topic: Topic, bytes: &[u8]) -> Option<Heard>
         return None;
     };
     let tick = sample.header().tick;
-    let session_time = match timing.pace {
-        Pace::Real => at,
-        Pace::Lockstep => Stamp::of_tick(tick, timing.period),
-    };
     Some(Heard {
         at,
-        session_time,
+        session_time: timing.session_time(at, tick),
         tick,
         entry: Entry::Sample(sample),
     })
