@@ -189,6 +189,8 @@ pub struct Note {
     pub level: Level,
     /// Which node it is about.
     pub about: NodeName,
+    /// Whether it is the course of things while no trial runs: the arm stands, nodes come and go.
+    pub is_routine: bool,
     /// The words.
     pub text: String,
 }

@@ -238,6 +238,7 @@ impl Recorder {
         began.then(|| Note {
             level: Level::Error,
             about: NodeName::RobotSim,
+            is_routine: false,
             text: format!("contact: body {} touches obstacle {}", closest.body, closest.obstacle),
         })
     }
@@ -267,7 +268,10 @@ impl Recorder {
         let note = if alive {
             info(peer, "appeared".to_owned())
         } else {
-            warning(peer, "vanished".to_owned())
+            Note {
+                is_routine: true,
+                ..warning(peer, "vanished".to_owned())
+            }
         };
         self.note(now, note, outbox);
     }

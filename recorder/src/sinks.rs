@@ -207,6 +207,7 @@ impl Sinks {
             let note = Note {
                 level: notice.level(),
                 about: NodeName::Recorder,
+                is_routine: false,
                 text: notice.to_string(),
             };
             let entry = Entry::Note(note);

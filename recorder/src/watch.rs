@@ -27,6 +27,7 @@ impl ClockWatch {
                 notes.push(Note {
                     level: Level::Warning,
                     about: peer.node,
+                    is_routine: false,
                     text: "its clock has jumped: measured latencies around this moment are wrong".to_owned(),
                 });
             }
@@ -41,6 +42,7 @@ fn skew_note(peer: &PeerClock) -> Note {
         return Note {
             level: Level::Info,
             about: peer.node,
+            is_routine: false,
             text: "its wall clock agrees with the recorder's again".to_owned(),
         };
     }
@@ -49,6 +51,7 @@ fn skew_note(peer: &PeerClock) -> Note {
     Note {
         level: Level::Warning,
         about: peer.node,
+        is_routine: false,
         text: format!(
             "its wall clock is {seconds:.3} s {side} the recorder's: set both by NTP (no decision rests on it, but times in \
              files and logs do)"

@@ -172,6 +172,7 @@ impl Journal {
         Some(Note {
             level: Level::Info,
             about: node,
+            is_routine: true,
             text: format!("{entries} entries of its journal that were missed have been fetched, in {took:.3} s"),
         })
     }
@@ -204,6 +205,7 @@ fn cannot_be_had(node: NodeName, count: u64) -> Note {
     Note {
         level: Level::Warning,
         about: node,
+        is_routine: false,
         text: format!("{count} entries of its journal cannot be had any more"),
     }
 }

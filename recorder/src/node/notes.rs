@@ -14,6 +14,7 @@ pub(super) fn motion_note(about: NodeName, before: Option<Motion>, motion: Motio
         Motion::Held(reason) => Note {
             level: level_of(reason),
             about,
+            is_routine: true,
             text: format!("stop: {reason}"),
         },
         Motion::Permitted { press } => info(about, format!("motion is permitted by press {press}")),
@@ -71,6 +72,7 @@ pub(super) fn info(about: NodeName, text: String) -> Note {
     Note {
         level: Level::Info,
         about,
+        is_routine: true,
         text,
     }
 }
@@ -79,6 +81,7 @@ pub(super) fn warning(about: NodeName, text: String) -> Note {
     Note {
         level: Level::Warning,
         about,
+        is_routine: false,
         text,
     }
 }

@@ -63,6 +63,7 @@ impl Rights {
             Emergency::Stop { by } => Note {
                 level: Level::Error,
                 about,
+                is_routine: false,
                 text: format!("emergency stop pressed by {}", called(by)),
             },
             Emergency::Clear { by, .. } => warning(about, format!("the emergency stop is cleared by {}", called(by))),

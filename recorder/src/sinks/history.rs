@@ -164,6 +164,7 @@ mod tests {
         let note = Note {
             level: Level::Info,
             about: NodeName::Recorder,
+            is_routine: false,
             text: String::new(),
         };
         Arc::new(Heard {

@@ -9,7 +9,7 @@ use crate::heard::{Level, Note};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Log {
     /// No trial runs: that the arm stands, and that nodes come and go, is the course of things. The session file has
-    /// these notes all the same.
+    /// these notes all the same. That a clock is wrong or a disk is full is news at any time.
     #[default]
     Quiet,
     /// A trial runs: everything counts.
@@ -32,7 +32,7 @@ impl Log {
         {
             *self = Self::Quiet;
         }
-        if *self == Self::Quiet && note.level != Level::Error {
+        if *self == Self::Quiet && note.is_routine && note.level != Level::Error {
             return;
         }
         let level = match note.level {

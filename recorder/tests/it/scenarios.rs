@@ -160,7 +160,9 @@ fn a_node_that_vanishes_is_a_warning() {
     let Some(Output::Write(heard)) = outbox.drain().nth(1) else {
         panic!("a note is shown and written");
     };
-    assert!(matches!(&heard.entry, Entry::Note(note) if note.level == Level::Warning && note.about == peer));
+    assert!(
+        matches!(&heard.entry, Entry::Note(note) if note.level == Level::Warning && note.about == peer && note.is_routine)
+    );
 }
 
 #[test]

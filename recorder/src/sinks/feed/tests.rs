@@ -37,6 +37,7 @@ fn heard() -> Arc<Heard> {
     let note = Note {
         level: Level::Info,
         about: NodeName::Recorder,
+        is_routine: false,
         text: String::new(),
     };
     Arc::new(Heard {
