@@ -48,6 +48,7 @@ fn main() -> Result<(), Failure> {
 fn sustain(seconds: u64, rate: u64, path: &str) -> Result<(), Failure> {
     let settings = RecorderSettings {
         path: path.to_owned(),
+        overwrite: true,
         ..RecorderSettings::default()
     };
     let mut sinks = Sinks::open(&RecorderConfig::new(&settings)?, Timing::default(), &provenance()?)?;

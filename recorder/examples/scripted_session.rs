@@ -16,6 +16,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut settings = RecorderSettings {
         path: format!("{folder}/scripted.mcap"),
         rrd: format!("{folder}/scripted.rrd"),
+        overwrite: true,
         ..RecorderSettings::default()
     };
     match live.as_deref() {

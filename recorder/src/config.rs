@@ -27,6 +27,8 @@ settings! {
         pub path: String = "";
         /// The Rerun recording (.rrd); nothing is written if this is empty.
         pub rrd: String = "";
+        /// Whether a recording that is there already is replaced; if not, recording does not begin.
+        pub overwrite: bool = false;
         /// Whether the Rerun recording ends with an index, which makes it quick to jump in and is kept in memory until
         /// then: some 16 MiB a minute at 50 Hz. Sessions of hours go without; `rerun rrd optimize` adds it later.
         pub rrd_index: bool = false;
@@ -104,6 +106,7 @@ pub(crate) struct Split {
 pub struct RecorderConfig {
     pub(crate) session_file: Option<PathBuf>,
     pub(crate) views: Vec<ViewTarget>,
+    pub(crate) overwrites: bool,
     pub(crate) rrd_index: bool,
     pub(crate) flush: Duration,
     pub(crate) chunk_bytes: u64,
@@ -141,6 +144,7 @@ impl RecorderConfig {
         Ok(Self {
             session_file,
             views: rrd.map(ViewTarget::Save).into_iter().chain(live).collect(),
+            overwrites: settings.overwrite,
             rrd_index: settings.rrd_index,
             flush: Duration::from_millis(settings.flush_ms),
             chunk_bytes: settings.chunk_kib << 10,
@@ -168,11 +172,13 @@ pub(crate) enum Purpose {
 }
 
 impl RecorderConfig {
-    /// The same for a session that is over: its layout has the lanes of driver, reason and trial in front.
+    /// The same for a session that is over: its layout has the lanes of driver, reason and trial in front, and what it
+    /// writes replaces what is there, for it can be made again.
     #[must_use]
     pub fn for_replay(self) -> Self {
         Self {
             purpose: Purpose::Replay,
+            overwrites: true,
             ..self
         }
     }

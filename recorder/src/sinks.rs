@@ -44,7 +44,7 @@ use feed::Feed;
 pub use file::part_path;
 pub use notice::Notice;
 pub use open::OpenError;
-use open::{open_file, open_view};
+use open::{keep_what_is_there, open_file, open_view};
 pub use program::find_viewer;
 use rerun_stream::Show;
 use shared::{Kind, Shared};
@@ -72,9 +72,10 @@ impl Sinks {
     /// Opens what the settings ask for.
     ///
     /// # Errors
-    /// If a file cannot be created, with its path and the reason. A viewer that is not there is no error: it becomes
+    /// If a file cannot be created, or is there already and shall not be replaced, with its path and the reason. A viewer that is not there is no error: it becomes
     /// a [`Notice`].
     pub fn open(config: &RecorderConfig, timing: Timing, provenance: &Provenance) -> Result<Self, OpenError> {
+        keep_what_is_there(config)?;
         // First: what cannot be shown is known before any file is begun.
         let urdf = config.urdf.as_deref().map(Urdf::load).transpose()?;
         let (tell, told) = bounded(NOTICES);

@@ -126,12 +126,14 @@ fn configuration(flags: &DemoFlags) -> anyhow::Result<Configuration> {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
     }
     let name = |flag: &dyn std::fmt::Debug| format!("{flag:?}").to_lowercase();
-    let mut overrides = flags.show.overrides(&session);
+    let mut overrides = flags.show.overrides(Some(&session));
     overrides.extend([
         ("loop.pace", name(&flags.pace)),
         ("operator.source", "simulated".to_owned()),
         // A demo is short enough for its index to be kept in memory until the end.
         ("recorder.rrd_index", "true".to_owned()),
+        // The same demo can be run again.
+        ("recorder.overwrite", "true".to_owned()),
     ]);
     overrides.extend(flags.law.map(|law| ("arbiter.law", name(&law))));
     overrides.extend(flags.seed.map(|seed| ("loop.seed", seed.to_string())));

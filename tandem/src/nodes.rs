@@ -4,6 +4,7 @@ mod dialling;
 mod process;
 mod recorder;
 mod show;
+mod watcher;
 
 use std::io::IsTerminal as _;
 use std::ops::ControlFlow;

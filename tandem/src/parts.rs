@@ -216,6 +216,13 @@ impl Parts {
     }
 }
 
+impl Parts {
+    /// The recorder's node alone, for whoever steps it by hand.
+    pub(crate) fn watcher(&self) -> Recorder {
+        Recorder::new(self.blueprint.timing())
+    }
+}
+
 /// Once a second while messages come: then somebody has to look how the session file is doing.
 fn is_counts(output: &tandem_recorder::Output) -> bool {
     matches!(output, tandem_recorder::Output::Write(heard) if matches!(heard.entry, Entry::Counts(_)))

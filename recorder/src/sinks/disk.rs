@@ -11,7 +11,7 @@ pub(super) trait Disk: Send + 'static {
     /// An open one.
     type File: Write + Seek + Send + 'static;
 
-    /// Creates a file, replacing one that is there.
+    /// Creates a file, or fails with [`io::ErrorKind::AlreadyExists`] where one is there that shall stay.
     fn create(&mut self, path: &Path) -> io::Result<Self::File>;
 
     /// Puts everything beyond the reach of a power cut, and closes it.
@@ -26,14 +26,27 @@ pub(super) trait Disk: Send + 'static {
 
 /// The file system.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct System;
+pub(super) struct System {
+    /// Whether a file that is there already is replaced.
+    pub(super) overwrites: bool,
+}
+
+/// Creates a file. One that is there already, even since a moment ago, is replaced only if that is wanted; a device or a
+/// pipe keeps nothing that could be lost.
+pub(super) fn create(path: &Path, overwrites: bool) -> io::Result<File> {
+    let is_device = path.metadata().is_ok_and(|found| !found.is_file());
+    match overwrites || is_device {
+        true => File::create(path),
+        false => File::create_new(path),
+    }
+}
 
 impl Disk for System {
     type File = BufWriter<File>;
 
     fn create(&mut self, path: &Path) -> io::Result<Self::File> {
         // A chunk is some hundred kilobytes, written in one piece; the buffer is for the records between.
-        Ok(BufWriter::new(File::create(path)?))
+        Ok(BufWriter::new(create(path, self.overwrites)?))
     }
 
     fn finish(file: Self::File) -> io::Result<()> {

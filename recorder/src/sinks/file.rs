@@ -65,14 +65,17 @@ struct Part<F: std::io::Write + std::io::Seek> {
 }
 
 impl FileSink<System> {
-    /// Creates the file, replacing one that is there.
+    /// Creates the file.
     pub(super) fn create(
         path: &Path,
         config: &RecorderConfig,
         provenance: &Provenance,
         shared: Arc<Shared>,
     ) -> Result<Self, OpenError> {
-        Self::on(System, path, config, provenance, shared)
+        let disk = System {
+            overwrites: config.overwrites,
+        };
+        Self::on(disk, path, config, provenance, shared)
     }
 }
 
@@ -104,9 +107,7 @@ impl<D: Disk> FileSink<D> {
 
     /// Begins the next part with all it takes to read it alone. One that cannot be begun leaves nothing behind.
     fn begin_part(&mut self) -> Result<(), Failure> {
-        let number = self.parts + 1;
-        let path = part_path(&self.path, number);
-        let file = self.disk.create(&path).map_err(Failure::Create)?;
+        let (number, path, file) = self.create_part().map_err(Failure::Create)?;
         let begun = self.write_beginning(file, number);
         if begun.is_err() {
             self.disk.remove(&path);
@@ -114,6 +115,18 @@ impl<D: Disk> FileSink<D> {
         self.state = State::Writing(begun?);
         self.parts = number;
         Ok(())
+    }
+
+    /// A later part makes way for whatever has its name, which may be another session's, and takes the next number.
+    fn create_part(&mut self) -> std::io::Result<(u32, PathBuf, D::File)> {
+        let mut number = self.parts + 1;
+        loop {
+            let path = part_path(&self.path, number);
+            match self.disk.create(&path) {
+                Err(error) if number > 1 && error.kind() == std::io::ErrorKind::AlreadyExists => number += 1,
+                created => return Ok((number, path, created?)),
+            }
+        }
     }
 
     fn write_beginning(&self, file: D::File, number: u32) -> Result<Box<Part<D::File>>, Failure> {

@@ -15,6 +15,15 @@ use crate::urdf::UrdfError;
 /// Why recording cannot begin.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
+    /// There is a file of that name.
+    #[error(
+        "{path:?} is there already, and recordings are not overwritten: name another file, or say --overwrite \
+             (recorder.overwrite = true)"
+    )]
+    Exists {
+        /// The path that was asked for.
+        path: PathBuf,
+    },
     /// The session file cannot be created.
     #[error("the session file {path:?} cannot be written")]
     SessionFile {
@@ -56,6 +65,20 @@ pub enum OpenError {
     },
 }
 
+/// Whether every file that is asked for can be begun without another one being lost. Looked at before any is begun, so
+/// that no empty one stays behind.
+pub(super) fn keep_what_is_there(config: &RecorderConfig) -> Result<(), OpenError> {
+    let saved = config.views.iter().filter_map(|view| match view {
+        ViewTarget::Save(path) => Some(path),
+        ViewTarget::Connect(_) | ViewTarget::Spawn | ViewTarget::Serve => None,
+    });
+    let mut wanted = config.session_file.iter().chain(saved);
+    match wanted.find(|path| !config.overwrites && path.is_file()) {
+        Some(path) => Err(OpenError::Exists { path: path.clone() }),
+        None => Ok(()),
+    }
+}
+
 pub(super) fn open_file(
     config: &RecorderConfig,
     path: &Path,
@@ -94,7 +117,7 @@ pub(super) fn open_view(
         ViewTarget::Save(path) => {
             let flush = FILE_BATCH;
             let limits = Limits { flush, ..limits };
-            let sink = StreamSink::save(path, config.rrd_index, show, Arc::clone(shared))?;
+            let sink = StreamSink::save(path, config, show, Arc::clone(shared))?;
             Feed::start("the Rerun recording", Some(path.clone()), kind, limits, shared, sink)
         }
         ViewTarget::Connect(_) | ViewTarget::Spawn | ViewTarget::Serve => {

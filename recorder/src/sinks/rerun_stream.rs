@@ -1,6 +1,5 @@
 //! Drawings into Rerun recordings, one for each trial, through one outlet; and the `.rrd` file as a sink.
 
-use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,10 +9,11 @@ use rerun::sink::{FileSink, FileSinkOptions, GrpcSink, GrpcSinkConnectionState, 
 use rerun::{RecordingStream, RecordingStreamBuilder, TimePoint};
 use tandem_wire::Timing;
 
+use super::disk;
 use super::feed::Sink;
 use super::shared::Shared;
 use super::{Notice, OpenError};
-use crate::config::Purpose;
+use crate::config::{Purpose, RecorderConfig};
 use crate::heard::Heard;
 use crate::session_file::Provenance;
 use crate::view::{Drawing, Meshes, Trials, View, layout};
@@ -86,15 +86,20 @@ impl LogSink for Outlet {
 }
 
 impl StreamSink {
-    /// An `.rrd` file, replacing one that is there. Its index, if any, is kept in memory until the end.
-    pub(super) fn save(path: &Path, has_index: bool, show: &Show, shared: Arc<Shared>) -> Result<Self, OpenError> {
+    /// An `.rrd` file. Its index, if any, is kept in memory until the end.
+    pub(super) fn save(
+        path: &Path,
+        config: &RecorderConfig,
+        show: &Show,
+        shared: Arc<Shared>,
+    ) -> Result<Self, OpenError> {
         // The SDK's own error does not tell a missing folder from a missing permission.
-        File::create(path).map_err(|source| OpenError::Recording {
+        disk::create(path, config.overwrites).map_err(|source| OpenError::Recording {
             path: path.to_owned(),
             source,
         })?;
         let options = FileSinkOptions {
-            write_footer: has_index,
+            write_footer: config.rrd_index,
         };
         let file = FileSink::with_options(path, options).map_err(|source| OpenError::View {
             source: Box::new(source.into()),

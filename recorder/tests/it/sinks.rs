@@ -47,6 +47,33 @@ fn a_path_that_cannot_be_written_is_an_error_that_names_it() {
 }
 
 #[test]
+fn a_recording_that_is_there_is_left_alone_unless_it_shall_be_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let [mcap, rrd] = ["a.mcap", "a.rrd"].map(|name| folder.path().join(name));
+    let mut settings = RecorderSettings {
+        path: mcap.to_str().unwrap().into(),
+        rrd: rrd.to_str().unwrap().into(),
+        ..RecorderSettings::default()
+    };
+    for (there, other) in [(&mcap, &rrd), (&rrd, &mcap)] {
+        std::fs::write(there, b"somebody's hour").unwrap();
+        let error = open(&settings).err().unwrap().to_string();
+        assert!(
+            error.contains(there.to_str().unwrap()) && error.contains("--overwrite"),
+            "{error}"
+        );
+        assert_eq!(std::fs::read(there).unwrap(), b"somebody's hour");
+        assert!(!other.exists(), "and the other one is not begun");
+        std::fs::remove_file(there).unwrap();
+    }
+    std::fs::write(&mcap, b"nobody's hour").unwrap();
+    settings.overwrite = true;
+    let closed = open(&settings).unwrap().close(Duration::from_secs(20));
+    assert_eq!(closed.notices, []);
+    assert!(std::fs::read(&mcap).unwrap().starts_with(b"\x89MCAP"));
+}
+
+#[test]
 fn a_session_goes_into_both_files() {
     let folder = tempfile::tempdir().unwrap();
     let (mcap, rrd) = (folder.path().join("a.mcap"), folder.path().join("a.rrd"));

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use anyhow::bail;
 use crossbeam_channel::Receiver;
-use tandem_link::{JournalReport, Link, Reach, Running};
+use tandem_link::{JournalReport, Link, LinkSettings, Reach, Running};
 use tandem_site::Role;
 use tandem_wire::NodeName;
 
@@ -24,11 +24,15 @@ pub(super) struct Process {
 impl Process {
     /// Connects, for as long as it takes; `None` if the user gave up first.
     pub(super) fn begin(parts: &Parts, name: NodeName) -> anyhow::Result<Option<Self>> {
-        let interrupted = interrupt::catch()?;
         let settings = parts.link_settings();
-        let reach = Reach::new(settings, Some(Role::of(name)))?;
-        eprintln!("{name}: {}", describe(settings, &reach));
-        let Some(link) = connect(settings, &reach, || interrupted.try_recv().is_ok())? else {
+        Self::begin_at(settings, &Reach::new(settings, Some(Role::of(name)))?, name)
+    }
+
+    /// The same as whoever `reach` says.
+    pub(super) fn begin_at(settings: &LinkSettings, reach: &Reach, name: NodeName) -> anyhow::Result<Option<Self>> {
+        let interrupted = interrupt::catch()?;
+        eprintln!("{name}: {}", describe(settings, reach));
+        let Some(link) = connect(settings, reach, || interrupted.try_recv().is_ok())? else {
             return Ok(None);
         };
         eprintln!("{name}: ready, robot {:?}; Ctrl-C ends it", link.robot().as_str());

@@ -18,12 +18,14 @@ pub(crate) struct ShowFlags {
 }
 
 impl ShowFlags {
-    /// The settings that mean the same, with the session file at `record` and the Rerun recording beside it.
-    pub(crate) fn overrides(&self, record: &Path) -> Vec<(&'static str, String)> {
-        let mut overrides = vec![
-            ("recorder.path", record.display().to_string()),
-            ("recorder.rrd", record.with_extension("rrd").display().to_string()),
-        ];
+    /// The settings that mean the same. Where a session file is named, the Rerun recording goes beside it; where none is,
+    /// the configuration says where both go.
+    pub(crate) fn overrides(&self, record: Option<&Path>) -> Vec<(&'static str, String)> {
+        let mut overrides = Vec::new();
+        if let Some(record) = record {
+            overrides.push(("recorder.path", record.display().to_string()));
+            overrides.push(("recorder.rrd", record.with_extension("rrd").display().to_string()));
+        }
         overrides.extend(self.view.iter().flat_map(ViewFlag::overrides));
         let urdf = self.urdf.iter().map(|path| path.display().to_string());
         overrides.extend(urdf.map(|path| ("recorder.urdf", path)));

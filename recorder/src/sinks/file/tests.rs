@@ -82,6 +82,9 @@ impl Disk for Fake {
     type File = FakeFile;
 
     fn create(&mut self, path: &Path) -> io::Result<FakeFile> {
+        if self.platter.lock().unwrap().files.contains_key(path) {
+            return Err(io::ErrorKind::AlreadyExists.into());
+        }
         Ok(FakeFile {
             disk: self.clone(),
             path: path.to_owned(),
@@ -253,6 +256,27 @@ fn a_full_disk_costs_what_comes_until_there_is_room_and_a_new_part_goes_on() {
 }
 
 #[test]
+fn a_later_part_makes_way_for_a_file_of_its_name() {
+    let disk = Fake::default();
+    let (theirs, name) = (b"another session".to_vec(), PathBuf::from("s_0002.mcap"));
+    disk.platter.lock().unwrap().files.insert(name.clone(), theirs.clone());
+    let settings = RecorderSettings {
+        split_s: 10,
+        ..RecorderSettings::default()
+    };
+    let Setup { mut sink, disk, .. } = setup(disk, settings);
+    for heard in session(15) {
+        assert!(sink.take(&heard).unwrap());
+    }
+    sink.close().unwrap();
+    let files: BTreeMap<_, _> = disk.files().into_iter().collect();
+    assert_eq!(files[&name], theirs);
+    assert_eq!(files.len(), 3, "{:?}", files.keys());
+    let next = Recording::read(&files[Path::new("s_0003.mcap")]).unwrap();
+    assert_eq!(next.damage, []);
+}
+
+#[test]
 fn parts_read_alone_and_together_they_are_the_session() {
     let settings = RecorderSettings {
         split_s: 10,
@@ -336,6 +360,7 @@ fn a_part_is_ended_at_its_size_and_a_stranger_among_parts_is_left_out() {
     let mut other = setup(Fake::default(), RecorderSettings::default());
     other.sink.provenance.epoch_unix_nanos += 1;
     other.sink.parts = 0;
+    other.disk.platter.lock().unwrap().files.clear();
     other.sink.begin_part().unwrap();
     other.sink.close().unwrap();
     let mut parts: PartsReader = PartsReader::default();
