@@ -19,7 +19,8 @@ pub(crate) fn placed<'a>(bodies: &'a [Body], state: &'a State) -> impl Iterator<
     bodies.iter().filter_map(|body| place(body, state))
 }
 
-fn place(body: &Body, state: &State) -> Option<Placed> {
+/// One body at the pose of its frame; `None` if that does not exist.
+pub(crate) fn place(body: &Body, state: &State) -> Option<Placed> {
     let frame = usize::from(body.frame);
     let is_tool = frame == state.links.len();
     let pose = match state.links.get(frame) {

@@ -21,6 +21,7 @@ mod interval;
 pub(crate) mod layout;
 mod log;
 mod meshes;
+mod nearest;
 mod plots;
 mod status;
 mod surroundings;
@@ -75,6 +76,8 @@ pub struct View {
     scene: Option<Scene>,
     /// The tool's newest position: where the arrows start.
     tool: Option<Vec3>,
+    /// Whether the robot counts its setpoints.
+    has_arrivals: bool,
     log: Log,
     /// The trial that is drawn, and its first tick.
     trial: Option<(u32, u32)>,
@@ -115,6 +118,7 @@ impl View {
             origin: Stamp(0),
             scene: None,
             tool: None,
+            has_arrivals: false,
             log: Log::default(),
             trial: None,
             trace: Trace::default(),
@@ -158,6 +162,16 @@ impl View {
         if let Some(scene) = scene {
             self.draw_scene(&scene, &mut Sheet::new(moment, drawings));
         }
+    }
+
+    /// What a layout has to fit, once that is known: a robot says where it is at once, and what is around it every second.
+    pub(crate) fn fit(&self) -> Option<layout::Fit> {
+        self.tool?;
+        let framing = layout::Framing::of(self.scene.as_ref()?);
+        Some(layout::Fit {
+            framing,
+            has_arrivals: self.has_arrivals,
+        })
     }
 
     fn moment(&self, heard: &Heard) -> Moment {
@@ -221,12 +235,16 @@ impl View {
         }
         let tool = state.tool.position;
         self.tool = Some(tool);
+        self.has_arrivals = state.arrivals.is_some();
         match (&self.meshes, &self.scene) {
             (Some(meshes), _) => meshes.draw(state, sheet),
             (None, Some(scene)) => arm::draw(&scene.bodies, state, sheet),
             (None, None) => {}
         }
         arm::draw_tool(colours::TOOL, state, sheet);
+        if let Some(scene) = &self.scene {
+            nearest::draw(scene, state, sheet);
+        }
         self.trace.draw(tool, trace::colour(state), sheet);
         self.status.hear_state(state, sheet);
         plots::draw_state(state, sheet);
@@ -249,7 +267,8 @@ impl View {
             self.wished.draw(setpoint, tool, sheet);
         }
         self.status.hear_setpoint(setpoint, sheet);
-        plots::draw_setpoint(setpoint, self.tool, sheet);
+        let across = self.scene.as_ref().map_or(plots::ACROSS, plots::across);
+        plots::draw_setpoint(setpoint, self.tool, across, sheet);
         let driver = plots::Driver::of(setpoint);
         if self.lanes.driver.replace(driver) != Some(driver) {
             sheet.draw("lanes/driver", &rerun::StateChange::single(driver.name()));

@@ -16,7 +16,8 @@ use super::{Notice, OpenError};
 use crate::config::{Purpose, RecorderConfig};
 use crate::heard::Heard;
 use crate::session_file::Provenance;
-use crate::view::{Drawing, Meshes, Trials, View, layout};
+use crate::view::layout::{self, Arrives, Fit, Layout};
+use crate::view::{Drawing, Meshes, Trials, View};
 
 /// What Rerun shows as the application.
 const APPLICATION: &str = "tandem";
@@ -49,7 +50,16 @@ pub(super) struct StreamSink {
     drawings: Vec<Drawing>,
     /// The running trial's; before the first, what comes before it.
     stream: Option<RecordingStream>,
-    has_layout: bool,
+    layout: Laid,
+}
+
+/// Which layout was sent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Laid {
+    Nothing,
+    /// The usual one, until the robot has told what is around it.
+    Guessed,
+    Fitted(Fit),
 }
 
 /// A stream to a viewer.
@@ -127,7 +137,7 @@ impl StreamSink {
             view: View::new(show.timing).with_meshes(show.meshes.clone()),
             drawings: Vec::with_capacity(64),
             stream: None,
-            has_layout: false,
+            layout: Laid::Nothing,
         }
     }
 
@@ -161,9 +171,9 @@ impl StreamSink {
             .buffered()
             .map_err(|error| failed(&error))?;
         stream.set_sink(Box::new(self.outlet.clone()));
-        if !std::mem::replace(&mut self.has_layout, true) {
-            let layout = layout::Layout::Watching(self.purpose);
-            layout::send(&stream, layout).map_err(|error| failed(&error))?;
+        if self.layout == Laid::Nothing {
+            self.layout = Laid::Guessed;
+            self.send_layout(&stream, Fit::default(), Arrives::AtOnce)?;
         }
         if let Some(before) = self.stream.replace(stream) {
             before.flush_async().map_err(|error| failed(&error))?;
@@ -172,6 +182,26 @@ impl StreamSink {
             self.record(drawing);
         }
         Ok(())
+    }
+
+    /// Once the surroundings are known, the layout fits them. That comes within a second, before anybody has moved
+    /// anything; when they change later, the layout that fits is kept for whoever resets theirs.
+    fn fit_layout(&mut self) -> Result<(), Notice> {
+        let (Some(fit), Some(stream)) = (self.view.fit(), self.stream.clone()) else {
+            return Ok(());
+        };
+        let arrives = match self.layout {
+            Laid::Fitted(before) if before == fit => return Ok(()),
+            Laid::Fitted(_) => Arrives::OnReset,
+            Laid::Nothing | Laid::Guessed => Arrives::AtOnce,
+        };
+        self.layout = Laid::Fitted(fit);
+        self.send_layout(&stream, fit, arrives)
+    }
+
+    fn send_layout(&self, stream: &RecordingStream, fit: Fit, arrives: Arrives) -> Result<(), Notice> {
+        let layout = Layout::Watching(self.purpose);
+        layout::send(stream, layout, fit, arrives).map_err(|error| failed(&error))
     }
 
     fn record(&self, drawing: Drawing) {
@@ -200,6 +230,7 @@ impl Sink for StreamSink {
         }
         self.view.draw(heard, self.shared.drops_for(heard), &mut self.drawings);
         self.record_all();
+        self.fit_layout()?;
         Ok(true)
     }
 
@@ -224,3 +255,6 @@ fn failed(error: &dyn std::error::Error) -> Notice {
         why: error.to_string(),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -72,7 +72,8 @@ fn open(path: &Path, provenance: &Provenance, name: &str) -> rerun::RecordingStr
         .buffered()?;
     let options = FileSinkOptions { write_footer: true };
     stream.set_sink(Box::new(FileSink::with_options(path, options)?));
-    layout::send(&stream, layout::Layout::Comparing)?;
+    let fit = layout::Fit::default();
+    layout::send(&stream, layout::Layout::Comparing, fit, layout::Arrives::AtOnce)?;
     Ok(stream)
 }
 

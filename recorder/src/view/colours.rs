@@ -8,6 +8,8 @@ pub(super) const SHARED: Color = opaque(178, 120, 235);
 pub(super) const HELD: Color = opaque(130, 130, 138);
 pub(super) const RESULT: Color = opaque(235, 235, 240);
 pub(super) const OBSTACLE: Color = opaque(214, 74, 66);
+/// The way to the nearest obstacle: paler than the obstacle it ends at.
+pub(super) const NEAREST: Color = opaque(255, 150, 140);
 pub(super) const GOAL: Color = opaque(72, 190, 110);
 pub(super) const START: Color = opaque(170, 170, 178);
 pub(super) const WORKSPACE: Color = opaque(84, 88, 100);

@@ -3,23 +3,24 @@
 //! Written entity by entity, for the SDK's own builder can neither place the camera nor bound an axis.
 
 mod comparison;
+mod framing;
+mod graphs;
 
 use rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg};
 use rerun::external::re_sdk_types::blueprint::archetypes::{
-    Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend, ScalarAxis,
-    SpatialInformation, TextLogColumns, TimeAxis, TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint,
-    VisualBounds2D,
+    Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, SpatialInformation, TextLogColumns,
+    TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint, VisualBounds2D,
 };
 use rerun::external::re_sdk_types::blueprint::components::{
-    BackgroundKind, ContainerKind, Corner2D, Eye3DKind, GridSpacing, PanelState, PlayState, ViewClass,
-    VisualBounds2D as Bounds,
+    BackgroundKind, ContainerKind, Eye3DKind, GridSpacing, PanelState, PlayState, ViewClass, VisualBounds2D as Bounds,
 };
 use rerun::external::re_sdk_types::blueprint::datatypes::{TextLogColumn, TextLogColumnKind, TimelineColumn};
-use rerun::external::re_sdk_types::datatypes::{Range2D, TimeRange, TimeRangeBoundary, Uuid};
+use rerun::external::re_sdk_types::datatypes::{Range2D, Uuid};
 use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, RecordingStreamResult};
 
 use super::colours;
 use crate::config::Purpose;
+pub(crate) use framing::Framing;
 
 /// The timeline of control periods.
 pub(crate) const TICK: &str = "tick";
@@ -28,10 +29,6 @@ pub(crate) const SESSION_TIME: &str = "session_time";
 
 /// The timeline of seconds since the trial began: what the layout shows.
 pub(crate) const TRIAL_TIME: &str = "trial_time";
-
-/// The plan shows this much, in metres: the shipped task with the arm's reach around it.
-const PLAN_ACROSS: [f64; 2] = [-0.34, 0.34];
-const PLAN_DOWN: [f64; 2] = [0.29, 0.63];
 
 /// An axis has numbers, never names: these are [`plots::Driver::level`](super::plots::Driver)'s.
 const DRIVERS: &str = "Who drives: 3 human, 2 shared, 1 robot, 0 held";
@@ -45,8 +42,30 @@ pub(crate) enum Layout {
     Comparing,
 }
 
+/// What a layout has to fit.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Fit {
+    pub(crate) framing: Framing,
+    /// Whether the robot counts its setpoints.
+    pub(crate) has_arrivals: bool,
+}
+
+/// How a layout reaches the eye.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Arrives {
+    /// At once, whatever was there.
+    AtOnce,
+    /// When the viewer is asked to reset its layout: what a person has moved stays.
+    OnReset,
+}
+
 /// Makes this the layout of `recording`, in whatever it streams to.
-pub(crate) fn send(recording: &RecordingStream, layout: Layout) -> RecordingStreamResult<()> {
+pub(crate) fn send(
+    recording: &RecordingStream,
+    layout: Layout,
+    fit: Fit,
+    arrives: Arrives,
+) -> RecordingStreamResult<()> {
     let Some(info) = recording.store_info() else {
         return Ok(());
     };
@@ -55,6 +74,7 @@ pub(crate) fn send(recording: &RecordingStream, layout: Layout) -> RecordingStre
     blueprint.set_time_sequence("blueprint", 0);
     let sketch = Sketch {
         blueprint: &blueprint,
+        fit,
         made: 0,
     };
     match layout {
@@ -68,7 +88,7 @@ pub(crate) fn send(recording: &RecordingStream, layout: Layout) -> RecordingStre
     };
     let activation = BlueprintActivationCommand {
         blueprint_id: first.clone(),
-        make_active: true,
+        make_active: arrives == Arrives::AtOnce,
         make_default: true,
     };
     recording.send_blueprint(messages, activation);
@@ -78,6 +98,7 @@ pub(crate) fn send(recording: &RecordingStream, layout: Layout) -> RecordingStre
 /// A layout being drawn; views and containers are numbered as they are made.
 struct Sketch<'a> {
     blueprint: &'a RecordingStream,
+    fit: Fit,
     made: u16,
 }
 
@@ -165,8 +186,8 @@ impl Sketch<'_> {
     fn world_named(&mut self, name: &str, share: f32) -> RecordingStreamResult<Part> {
         let eye = EyeControls3D::new()
             .with_kind(Eye3DKind::Orbital)
-            .with_position([1.16, -0.46, 0.72])
-            .with_look_target([0.30, 0.03, 0.25])
+            .with_position(super::xyz(self.fit.framing.eye))
+            .with_look_target(super::xyz(self.fit.framing.target))
             .with_eye_up([0.0, 0.0, 1.0]);
         let grid = LineGrid3D::new()
             .with_spacing(GridSpacing(0.1.into()))
@@ -193,8 +214,8 @@ impl Sketch<'_> {
 
     fn plan_named(&mut self, name: &str, share: f32) -> RecordingStreamResult<Part> {
         let bounds = VisualBounds2D::new(Bounds(Range2D {
-            x_range: PLAN_ACROSS.into(),
-            y_range: PLAN_DOWN.into(),
+            x_range: self.fit.framing.across.into(),
+            y_range: self.fit.framing.down.into(),
         }));
         self.view(&ViewSpec {
             class: "2D",
@@ -244,36 +265,6 @@ impl Sketch<'_> {
         })
     }
 
-    fn weight(&mut self, share: f32) -> RecordingStreamResult<Part> {
-        self.plot(
-            "Human's weight ω, in the colour of who drives",
-            "plots/weight",
-            Some([-0.1, 1.1]),
-            share,
-        )
-    }
-
-    fn confidence(&mut self, share: f32) -> RecordingStreamResult<Part> {
-        let tabs = [
-            self.plot("Half-width of the interval, mm", "plots/interval", None, 1.0)?,
-            self.plot("Interval ÷ training", "plots/ratio", None, 1.0)?,
-            self.plot("Across the path, m: tool in the interval", "plots/across", None, 1.0)?,
-        ];
-        self.container(ContainerKind::Tabs, "How sure", &tabs, share)
-    }
-
-    fn margins(&mut self, share: f32) -> RecordingStreamResult<Part> {
-        let tabs = [
-            self.plot("Speeds, m/s", "plots/effort", None, 1.0)?,
-            self.plot("Clearance, mm", "plots/clearance", None, 1.0)?,
-            self.plot("Command to motion, ms", "plots/latency", None, 1.0)?,
-            self.plot("Hops, p95, ms", "plots/hops", None, 1.0)?,
-            self.budget(1.0)?,
-            self.plot("Lost messages", "plots/lost", None, 1.0)?,
-        ];
-        self.container(ContainerKind::Tabs, "Effort and margins", &tabs, share)
-    }
-
     fn budget(&mut self, share: f32) -> RecordingStreamResult<Part> {
         self.view(&ViewSpec {
             class: "TextDocument",
@@ -281,26 +272,6 @@ impl Sketch<'_> {
             origin: "budget",
             share,
             properties: &[],
-        })
-    }
-
-    /// A plot over the whole session, so that all of them share their time axis.
-    fn plot(&mut self, name: &str, origin: &str, range: Option<[f64; 2]>, share: f32) -> RecordingStreamResult<Part> {
-        // The lane of drivers is named in its title: a legend would lie on its bars.
-        let legend = PlotLegend::new()
-            .with_corner(free_corner(origin))
-            .with_visible(origin != "plots/driver");
-        let time = whole_session();
-        let mut values = ScalarAxis::new();
-        if let Some(range) = range {
-            values = values.with_range(range);
-        }
-        self.view(&ViewSpec {
-            class: "TimeSeries",
-            name,
-            origin,
-            share,
-            properties: &[("PlotLegend", &legend), ("TimeAxis", &time), ("ScalarAxis", &values)],
         })
     }
 
@@ -347,24 +318,6 @@ impl Sketch<'_> {
         self.made += 1;
         format!("{UUID_HEAD}{:012x}", self.made)
     }
-}
-
-/// Where a plot's names hide least: what a forecast brings begins late, the others end low.
-fn free_corner(origin: &str) -> Corner2D {
-    match origin {
-        "plots/interval" | "plots/ratio" | "plots/across" | "plots/latency" | "plots/hops" | "plots/lost" => {
-            Corner2D::LeftTop
-        }
-        _ => Corner2D::RightTop,
-    }
-}
-
-/// All plots show the whole session, so that they line up.
-fn whole_session() -> TimeAxis {
-    TimeAxis::new().with_view_range(TimeRange {
-        start: TimeRangeBoundary::Absolute(0.into()),
-        end: TimeRangeBoundary::Infinite,
-    })
 }
 
 /// The blueprint wants identifiers in this form; only the end has to differ.

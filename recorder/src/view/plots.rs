@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use rerun::Color;
-use tandem_wire::{Envelope, Guidance, MessageId, Nanos, Pace, Setpoint, Stamp, State, Vec3, seconds};
+use tandem_wire::{Envelope, Guidance, MessageId, Nanos, Pace, Scene, Setpoint, Stamp, State, Vec3, seconds};
 
 use super::{Drawing, Sheet, colours, fixed};
 use crate::sinks::Drops;
@@ -117,6 +117,8 @@ pub(super) fn styles() -> Vec<Drawing> {
         line("across/high", "interval, high", robot, 0.75),
         line("clearance", "clearance", colours::OBSTACLE, 2.0),
         line("latency", "command to motion", human, 1.5),
+        line("arrivals/success_rate", "setpoints in time", robot, 1.5),
+        line("arrivals/missed", "missed in a row", colours::OBSTACLE, 1.5),
         line("lost/missed", "missed", colours::OBSTACLE, 1.5),
         line("lost/unreadable", "unreadable", colours::SHARED, 1.5),
         line("lost/dropped_file", "dropped before the file", human, 1.5),
@@ -125,7 +127,22 @@ pub(super) fn styles() -> Vec<Drawing> {
     styles
 }
 
-pub(super) fn draw_setpoint(setpoint: &Setpoint, tool: Option<Vec3>, sheet: &mut Sheet<'_>) {
+/// Across a path that nobody has described: the shipped task's.
+pub(super) const ACROSS: Vec3 = Vec3::new(1.0, 0.0, 0.0);
+/// Closer to each other than this, in metres, start and goal give no direction.
+const LEAST_M: f64 = 1e-3;
+
+/// The level direction at right angles to the way from start to goal: to the right of it.
+pub(super) fn across(scene: &Scene) -> Vec3 {
+    let way = scene.goal - scene.start;
+    let right = Vec3::new(way.y, -way.x, 0.0);
+    match right.norm() > LEAST_M {
+        true => right * (1.0 / right.norm()),
+        false => ACROSS,
+    }
+}
+
+pub(super) fn draw_setpoint(setpoint: &Setpoint, tool: Option<Vec3>, across: Vec3, sheet: &mut Sheet<'_>) {
     sheet.plot("plots/weight/human", setpoint.weight.0);
     let driver = Driver::of(setpoint);
     sheet.plot(&driver.series(), driver.level());
@@ -134,11 +151,11 @@ pub(super) fn draw_setpoint(setpoint: &Setpoint, tool: Option<Vec3>, sheet: &mut
     sheet.plot("plots/effort/human", setpoint.human.norm());
     if let Some(guidance) = &setpoint.guidance {
         sheet.plot("plots/effort/robot", guidance.velocity.norm());
-        draw_guidance(guidance, tool, sheet);
+        draw_guidance(guidance, tool, across, sheet);
     }
 }
 
-fn draw_guidance(guidance: &Guidance, tool: Option<Vec3>, sheet: &mut Sheet<'_>) {
+fn draw_guidance(guidance: &Guidance, tool: Option<Vec3>, across: Vec3, sheet: &mut Sheet<'_>) {
     let width = guidance.half_width;
     for (axis, width) in [("x", width.x), ("y", width.y), ("z", width.z)] {
         // A model of a planar task says nothing of the third axis.
@@ -148,12 +165,14 @@ fn draw_guidance(guidance: &Guidance, tool: Option<Vec3>, sheet: &mut Sheet<'_>)
     }
     sheet.plot("plots/ratio/now", guidance.ratio.0);
     sheet.plot("plots/ratio/high", guidance.ratio_high.0);
-    let centre = guidance.position.x;
+    let centre = guidance.position.dot(across);
+    // Half-widths go along the axes: what they span in another direction.
+    let half = width.dot(Vec3::new(across.x.abs(), across.y.abs(), across.z.abs()));
     sheet.plot("plots/across/forecast", centre);
-    sheet.plot("plots/across/low", centre - width.x);
-    sheet.plot("plots/across/high", centre + width.x);
+    sheet.plot("plots/across/low", centre - half);
+    sheet.plot("plots/across/high", centre + half);
     if let Some(tool) = tool {
-        sheet.plot("plots/across/tool", tool.x);
+        sheet.plot("plots/across/tool", tool.dot(across));
     }
 }
 

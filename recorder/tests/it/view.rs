@@ -3,15 +3,22 @@
 use std::collections::BTreeMap;
 
 use crate::script::{record, session};
-use tandem_recorder::{Drawing, Drops, Entry, Output, Sample, View};
-use tandem_wire::Timing;
+use tandem_recorder::{Drawing, Drops, Entry, Heard, Level, Note, Output, Sample, View};
+use tandem_wire::{Arrivals, NodeName, Stamp, Timing, Vec3};
 
 fn drawn() -> Vec<Drawing> {
+    drawn_with(|_| {})
+}
+
+/// With a change to everything that is shown.
+fn drawn_with(change: impl Fn(&mut Heard)) -> Vec<Drawing> {
     let timing = Timing::default().lockstep();
     let mut view = View::new(timing);
     let mut drawings = View::opening();
     for output in record(&session(), timing) {
         if let Output::Show(heard) = output {
+            let mut heard = Heard::clone(&heard);
+            change(&mut heard);
             view.draw(&heard, Drops::default(), &mut drawings);
         }
     }
@@ -32,7 +39,11 @@ fn a_session_becomes_these_entities() {
 
 #[test]
 fn every_line_in_a_plot_has_a_name() {
-    let drawings = drawn();
+    let drawings = drawn_with(|heard| {
+        if let Entry::Sample(Sample::State(message)) = &mut heard.entry {
+            message.body.arrivals = Some(Arrivals::default());
+        }
+    });
     let named: Vec<_> = drawings
         .iter()
         .filter(|d| d.moment.is_none())
@@ -44,6 +55,53 @@ fn every_line_in_a_plot_has_a_name() {
     for drawing in plotted {
         assert!(named.contains(&drawing.path.as_str()), "{}", drawing.path);
     }
+}
+
+#[test]
+fn across_the_path_is_at_right_angles_to_the_way_to_the_goal() {
+    let turned = drawn_with(|heard| {
+        if let Entry::Sample(Sample::Scene(message)) = &mut heard.entry {
+            message.body.start = Vec3::new(0.3, 0.0, 0.1);
+            message.body.goal = Vec3::new(0.7, 0.0, 0.1);
+        }
+        if let Entry::Sample(Sample::State(message)) = &mut heard.entry {
+            message.body.tool.position = Vec3::new(0.5, -0.25, 0.1);
+        }
+    });
+    let across = turned
+        .iter()
+        .filter(|d| d.moment.is_some() && d.path == "plots/across/tool");
+    let values: Vec<_> = across
+        .map(|drawing| format!("{:?}", drawing.batches[0].array))
+        .collect();
+    assert!(
+        values.len() > 40 && values.iter().all(|value| value.contains("0.25")),
+        "{values:?}"
+    );
+}
+
+#[test]
+fn a_warning_is_shown_between_trials_and_the_course_of_things_is_not() {
+    let note = |is_routine, level| Heard {
+        at: Stamp(0),
+        session_time: Stamp(0),
+        tick: 0,
+        entry: Entry::Note(Note {
+            level,
+            about: NodeName::Operator,
+            is_routine,
+            text: "its wall clock is an hour behind the recorder's".into(),
+        }),
+    };
+    let mut view = View::new(Timing::default());
+    let mut lines = |heard: &Heard| {
+        let mut drawings = Vec::new();
+        view.draw(heard, Drops::default(), &mut drawings);
+        drawings.iter().filter(|drawing| drawing.path == "log").count()
+    };
+    assert_eq!(lines(&note(false, Level::Warning)), 1);
+    assert_eq!(lines(&note(true, Level::Warning)), 0);
+    assert_eq!(lines(&note(true, Level::Error)), 1);
 }
 
 #[test]
@@ -150,6 +208,7 @@ const GOLDEN: &[&str] = &[
     "world/forecast/interval 1",
     "world/forecast/line 1",
     "world/goal 1",
+    "world/nearest 83",
     "world/obstacles 1",
     "world/path 1",
     "world/path/0 64",
