@@ -13,6 +13,10 @@
 //!                   ▲                     └──── none: again in a second, thrice ──┐       │
 //!                   └─────────────────────────────────────────────────────────────┴───────┘
 //! ```
+//!
+//! A node that ends removes what it kept once it hears that a recorder has everything, so that is said only where it is
+//! true: nothing is missing, nothing was given up, and the shell has looked at the session file since and found that it
+//! lost nothing. A look is taken whenever the counts are passed on.
 
 mod journal;
 mod missing;
@@ -24,7 +28,7 @@ use std::collections::BTreeMap;
 
 use tandem_wire::{NodeName, Outbox, Question, Session, Stamp};
 
-use crate::heard::JournalPart;
+use crate::heard::{JournalPart, Note};
 use crate::node::Output;
 use journal::Journal;
 pub(crate) use journal::Worth;
@@ -38,29 +42,82 @@ pub(crate) struct Filling {
     journals: BTreeMap<(NodeName, Session), Journal>,
     /// The recording ends: what is missing at the end of each journal is asked for once.
     closing: bool,
+    /// The session file has lost something of what came.
+    loses: bool,
+    /// Looks at the session file: how many are due to counts that were passed on, and how many came. They come in their
+    /// order and some may fail to, so the `n`-th that comes is of the `n`-th counts or later ones.
+    looks_due: u64,
+    looks: u64,
+    /// What a person should know and was not told yet.
+    notes: Vec<Note>,
+}
+
+/// What a node's word of how far its journal goes is good for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct End {
+    /// It was not said before.
+    pub(crate) is_new: bool,
+    /// Everything up to there has come: a look at the session file is due, which tells whether it is kept.
+    pub(crate) is_whole: bool,
 }
 
 impl Filling {
     /// Takes in a part that a node sent by itself.
     pub(crate) fn hear(&mut self, now: Stamp, part: &JournalPart, outbox: &mut Outbox<Output>) {
+        self.journal(part).hear(now, part);
+        self.ask(now, outbox);
+    }
+
+    /// Takes in how far a journal goes: its node ends, and waits for somebody who has everything. Where everything came,
+    /// the counts are to be passed on.
+    pub(crate) fn hear_end(&mut self, now: Stamp, part: &JournalPart, outbox: &mut Outbox<Output>) -> End {
+        let (loses, look) = (self.loses, self.looks_due + 1);
+        let journal = self.journal(part);
+        let is_new = journal.hear_end(now, part);
+        let is_whole = journal.is_whole() && !loses;
+        if is_whole {
+            journal.await_look(look);
+        }
+        self.ask(now, outbox);
+        End { is_new, is_whole }
+    }
+
+    /// The counts are passed on, with which the shell looks at the session file.
+    pub(crate) const fn expect_look(&mut self) {
+        self.looks_due += 1;
+    }
+
+    /// The shell has looked at the session file, and whether it `loses` some of what comes.
+    pub(crate) fn look(&mut self, loses: bool, outbox: &mut Outbox<Output>) {
+        self.loses = loses;
+        self.looks = (self.looks + 1).min(self.looks_due);
+        if loses {
+            return;
+        }
+        for (&(node, session), journal) in &mut self.journals {
+            if let Some(behind) = journal.confirm(self.looks) {
+                let (first, last) = (behind, behind);
+                outbox.push(Output::Ask(Question {
+                    node,
+                    session,
+                    first,
+                    last,
+                }));
+            }
+        }
+    }
+
+    /// What a person should know and was not told yet.
+    pub(crate) fn take_notes(&mut self) -> Vec<Note> {
+        std::mem::take(&mut self.notes)
+    }
+
+    fn journal(&mut self, part: &JournalPart) -> &mut Journal {
         let key = (part.node, part.header.session);
         if !self.journals.contains_key(&key) {
             self.make_room();
         }
-        let journal = self.journals.entry(key).or_default();
-        journal.hear(now, part);
-        // A node that ends says how far its journal goes, and waits for somebody who has everything.
-        if part.entries == 0
-            && let Some(next) = journal.whole()
-        {
-            outbox.push(Output::Ask(Question {
-                node: part.node,
-                session: part.header.session,
-                first: next,
-                last: next,
-            }));
-        }
-        self.ask(now, outbox);
+        self.journals.entry(key).or_default()
     }
 
     /// Takes in the answer to a question.
@@ -75,7 +132,7 @@ impl Filling {
     pub(crate) fn presence(&mut self, node: NodeName, alive: bool) {
         let of_node = self.journals.iter_mut().filter(|((name, _), _)| *name == node);
         for (_, journal) in of_node.filter(|_| !alive) {
-            journal.vanish();
+            self.notes.extend(journal.vanish(node));
         }
     }
 
@@ -101,19 +158,19 @@ impl Filling {
 
     /// Puts the question that is due: where several are, to whom none was put for longest.
     pub(crate) fn ask(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
-        for journal in self.journals.values_mut() {
-            journal.expire(now);
+        for (&(node, _), journal) in &mut self.journals {
+            self.notes.extend(journal.expire(now, node));
         }
         if self.held_up().is_some_and(|until| now < until) {
             return;
         }
-        let closing = self.closing;
+        let (closing, loses) = (self.closing, self.loses);
         let due = self
             .journals
             .iter_mut()
             .filter(|(_, journal)| journal.is_due(now, closing));
         if let Some((&(node, session), journal)) = due.min_by_key(|(_, journal)| journal.turn()) {
-            let (first, last) = journal.ask(now);
+            let (first, last) = journal.ask(now, loses);
             outbox.push(Output::Ask(Question {
                 node,
                 session,

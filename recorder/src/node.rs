@@ -1,17 +1,18 @@
 //! The step machine: every message is passed on, and what a person wants to know of it is noted once.
 
+mod journals;
 mod notes;
 mod rights;
 
 use std::sync::Arc;
 
 use tandem_wire::{
-    Condition, Envelope, Malformed, Memory, Motion, Node, NodeName, Numbering, Outbox, Pace, Question, Remember,
-    SECOND, Seq, Session, Setpoint, Stamp, State, Storage, Timing, Topic, Trial, Unreadable,
+    Envelope, Malformed, Memory, Motion, Node, NodeName, Numbering, Outbox, Pace, Question, Remember, SECOND, Seq,
+    Session, Setpoint, Stamp, State, Storage, Timing, Topic, Trial, Unreadable,
 };
 
 use crate::filling::Filling;
-use crate::heard::{Entry, Heard, JournalPart, Level, Note, Sample};
+use crate::heard::{Entry, Heard, Level, Note, Sample};
 use crate::tally::{Place, Tally};
 use crate::watch::ClockWatch;
 use notes::{forecast_note, info, motion_note, same_motion, warning};
@@ -151,11 +152,11 @@ impl Recorder {
             self.tally.budget(&sample);
         }
         if let Sample::Journal(part) = &sample {
-            self.filling.hear(now, part, outbox);
-            if part.entries == 0 {
-                return;
-            }
             self.tally.count_journal(part);
+            if part.entries == 0 {
+                return self.on_end(now, sample, outbox);
+            }
+            self.filling.hear(now, part, outbox);
         }
         let notes = match (&sample, place) {
             (_, Place::Late | Place::Repeated) => Vec::new(),
@@ -170,19 +171,6 @@ impl Recorder {
         };
         self.pass_on(now, tick, sample, place, outbox);
         for note in notes {
-            self.note(now, note, outbox);
-        }
-    }
-
-    /// What was asked for is kept like what came by itself; the rest is nobody's.
-    fn on_answer(&mut self, now: Stamp, part: JournalPart, outbox: &mut Outbox<Output>) {
-        let worth = self.filling.answer(now, &part, outbox);
-        if worth.take {
-            self.tally.count_journal(&part);
-            let entry = Entry::Sample(Sample::Journal(part));
-            outbox.push(Output::Write(Arc::new(self.heard(now, self.tick, entry))));
-        }
-        if let Some(note) = worth.note {
             self.note(now, note, outbox);
         }
     }
@@ -276,15 +264,6 @@ impl Recorder {
         self.note(now, note, outbox);
     }
 
-    /// Others hear of the session file when something changes, and again and again while something is wrong, so that
-    /// whoever comes late hears of it too.
-    fn on_storage(&mut self, now: Stamp, storage: Storage, outbox: &mut Outbox<Output>) {
-        let before = std::mem::replace(&mut self.storage, storage);
-        if before != storage || storage.condition != Condition::Kept {
-            outbox.push(Output::Say(self.sayings.envelope(now, self.tick, storage)));
-        }
-    }
-
     /// Remembers that the counts have changed.
     fn touch(&mut self, now: Stamp) {
         if matches!(self.phase, Phase::Silent) {
@@ -318,8 +297,9 @@ impl Recorder {
         self.phase = Phase::Closed;
     }
 
-    fn pass_on_counts(&self, now: Stamp, outbox: &mut Outbox<Output>) {
+    fn pass_on_counts(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         self.both(now, Entry::Counts(self.tally.counts()), outbox);
+        self.filling.expect_look();
     }
 
     fn note(&self, now: Stamp, note: Note, outbox: &mut Outbox<Output>) {
@@ -373,6 +353,9 @@ impl Node for Recorder {
             Event::Stop => self.on_stop(now, outbox),
         }
         self.filling.ask(now, outbox);
+        for note in self.filling.take_notes() {
+            self.note(now, note, outbox);
+        }
         if matches!(self.phase, Phase::Closing) && self.filling.is_settled() {
             self.finish(now, outbox);
         }

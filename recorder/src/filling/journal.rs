@@ -27,6 +27,12 @@ pub(super) struct Journal {
     again: Stamp,
     /// Its node vanished: nobody answers.
     gone: bool,
+    /// Some of it was asked for in vain: it will not be whole any more.
+    lacks: bool,
+    /// How far it goes, as its node said when it ended.
+    end: Option<u64>,
+    /// The look at the session file that will tell whether all of it is kept.
+    look: Option<u64>,
     end_asked: bool,
     /// When the first question was put, and how many entries have come since.
     fetching: Option<(Stamp, u64)>,
@@ -51,6 +57,17 @@ pub(crate) struct Worth {
 impl Journal {
     /// Takes in a part that its node sent by itself.
     pub(super) fn hear(&mut self, now: Stamp, part: &JournalPart) {
+        self.look = None;
+        self.extend(now, part);
+    }
+
+    /// Takes in how far it goes, which its node says when it ends; whether that is new.
+    pub(super) fn hear_end(&mut self, now: Stamp, part: &JournalPart) -> bool {
+        self.extend(now, part);
+        self.end.replace(part.first) != Some(part.first)
+    }
+
+    fn extend(&mut self, now: Stamp, part: &JournalPart) {
         let behind = part.first.saturating_add(part.entries);
         if part.first > self.next {
             self.missing.add(self.next, part.first);
@@ -63,14 +80,30 @@ impl Journal {
     }
 
     /// Its node is gone, and with it the answer to what is asked.
-    pub(super) fn vanish(&mut self) {
-        self.gone = true;
+    pub(super) fn vanish(&mut self, node: NodeName) -> Option<Note> {
+        let went = !std::mem::replace(&mut self.gone, true);
         self.asked = None;
+        let missing = self.missing.overlap(0, u64::MAX);
+        (went && missing > 0).then(|| vanished_with(node, missing))
     }
 
-    /// The index behind its last entry, if none before it is missing.
-    pub(super) fn whole(&self) -> Option<u64> {
-        (self.missing.is_empty() && self.asked.is_none()).then_some(self.next)
+    /// Whether nothing before its last entry is missing.
+    pub(super) fn is_whole(&self) -> bool {
+        self.missing.is_empty() && self.asked.is_none() && !self.lacks
+    }
+
+    /// Once look number `look` has been taken, it may be said that everything is there.
+    pub(super) fn await_look(&mut self, look: u64) {
+        self.look.get_or_insert(look);
+    }
+
+    /// So many looks have been taken, at a file that kept everything: where everything is there, the index behind it.
+    pub(super) fn confirm(&mut self, looks: u64) -> Option<u64> {
+        let is_known = self.is_whole() && self.look.is_some_and(|look| look <= looks);
+        is_known.then(|| {
+            self.look = None;
+            self.next
+        })
     }
 
     pub(super) const fn heard(&self) -> Stamp {
@@ -102,13 +135,15 @@ impl Journal {
         closing && !self.end_asked
     }
 
-    /// The question that is due, which is then open.
-    pub(super) fn ask(&mut self, now: Stamp) -> (u64, u64) {
+    /// The question that is due, which is then open. One for the tail says by itself that everything before is there;
+    /// where that is not so (the session file `loses` some, or answers never came), it begins with an entry that is.
+    pub(super) fn ask(&mut self, now: Stamp, loses: bool) -> (u64, u64) {
         let (first, last) = match self.missing.oldest() {
             Some((from, to)) => (from, to.saturating_sub(1)),
             None => {
                 self.end_asked = true;
-                (self.next, u64::MAX)
+                let back = u64::from(loses || self.lacks);
+                (self.next.saturating_sub(back), u64::MAX)
             }
         };
         self.asked = Some(Asked { first, last, at: now });
@@ -129,9 +164,12 @@ impl Journal {
         let Some(asked) = asked else { return Worth::default() };
         self.asked = None;
         self.heard = now;
+        self.look = None;
         if part.entries == 0 && part.first == asked.first {
-            self.unanswered(now, asked);
-            return Worth::default();
+            return Worth {
+                take: false,
+                note: self.unanswered(now, part.node, asked),
+            };
         }
         self.tries = 0;
         let gone_for_good = self.missing.overlap(asked.first, part.first);
@@ -150,17 +188,21 @@ impl Journal {
     }
 
     /// Nobody answered, or nothing is there.
-    fn unanswered(&mut self, now: Stamp, asked: Asked) {
+    fn unanswered(&mut self, now: Stamp, node: NodeName, asked: Asked) -> Option<Note> {
         let limit = asked.last.saturating_add(1);
-        if self.missing.overlap(asked.first, limit) == 0 {
-            return;
+        let missing = self.missing.overlap(asked.first, limit);
+        if missing == 0 {
+            return None;
         }
         self.tries += 1;
         self.again = now.after(AGAIN);
-        if self.tries >= TRIES {
-            self.tries = 0;
-            self.missing.remove(asked.first, limit);
+        if self.tries < TRIES {
+            return None;
         }
+        self.tries = 0;
+        self.missing.remove(asked.first, limit);
+        self.lacks = true;
+        Some(asked_in_vain(node, missing))
     }
 
     fn fetched(&mut self, now: Stamp, node: NodeName) -> Option<Note> {
@@ -178,13 +220,9 @@ impl Journal {
     }
 
     /// Gives an answer up that is overdue.
-    pub(super) fn expire(&mut self, now: Stamp) {
-        if let Some(asked) = self.asked
-            && now >= asked.at.after(PATIENCE)
-        {
-            self.asked = None;
-            self.unanswered(now, asked);
-        }
+    pub(super) fn expire(&mut self, now: Stamp, node: NodeName) -> Option<Note> {
+        let asked = self.asked.take_if(|asked| now >= asked.at.after(PATIENCE))?;
+        self.unanswered(now, node, asked)
     }
 
     /// At the end of the recording: whether no question is open any more.
@@ -202,10 +240,24 @@ impl Journal {
 }
 
 fn cannot_be_had(node: NodeName, count: u64) -> Note {
+    lacking(node, format!("{count} entries of its journal cannot be had any more"))
+}
+
+fn asked_in_vain(node: NodeName, count: u64) -> Note {
+    let text = format!("{count} entries of its journal are missing: asked for {TRIES} times, nobody answered");
+    lacking(node, text)
+}
+
+fn vanished_with(node: NodeName, count: u64) -> Note {
+    let text = format!("{count} entries of its journal are missing: it vanished before they were fetched");
+    lacking(node, text)
+}
+
+const fn lacking(about: NodeName, text: String) -> Note {
     Note {
         level: Level::Warning,
-        about: node,
+        about,
         is_routine: false,
-        text: format!("{count} entries of its journal cannot be had any more"),
+        text,
     }
 }

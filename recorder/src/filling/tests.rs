@@ -1,6 +1,6 @@
 //! Journals with gaps, and the questions and answers that fill them.
 
-use tandem_wire::{Header, Seq};
+use tandem_wire::{Header, SECOND, Seq};
 
 use super::*;
 
@@ -38,6 +38,16 @@ fn after(filling: &mut Filling, step: impl FnOnce(&mut Filling, &mut Outbox<Outp
 fn hear(filling: &mut Filling, at: u64, first: u64, entries: u64) -> Vec<(u64, u64)> {
     after(filling, |filling, outbox| {
         filling.hear(Stamp(at), &part(first, entries), outbox)
+    })
+}
+
+/// A node says how far its journal goes; if everything is there, the counts are passed on and a look is taken.
+fn end(filling: &mut Filling, at: u64, first: u64) -> Vec<(u64, u64)> {
+    after(filling, |filling, outbox| {
+        if filling.hear_end(Stamp(at), &part(first, 0), outbox).is_whole {
+            filling.expect_look();
+            filling.look(false, outbox);
+        }
     })
 }
 
@@ -132,10 +142,57 @@ fn silence_is_asked_thrice() {
 fn whoever_ends_hears_that_everything_is_there_only_once_it_is() {
     let mut filling = Filling::default();
     hear(&mut filling, 0, 0, 10);
-    assert_eq!(hear(&mut filling, 1, 20, 0), [(10, 19)]);
-    assert_eq!(hear(&mut filling, 2, 20, 0), []);
+    assert_eq!(end(&mut filling, 1, 20), [(10, 19)]);
+    assert_eq!(end(&mut filling, 2, 20), []);
     answer(&mut filling, 3, 10, 10);
-    assert_eq!(hear(&mut filling, 4, 20, 0), [(20, 20)]);
+    assert_eq!(end(&mut filling, 4, 20), [(20, 20)]);
+}
+
+#[test]
+fn whoever_ends_does_not_hear_that_everything_is_there_when_the_recorder_has_given_up() {
+    let mut filling = Filling::default();
+    hear(&mut filling, 0, 10, 10);
+    give_up(&mut filling);
+    assert_eq!(end(&mut filling, 9, 20), []);
+    // Nor by the question for the tail.
+    let later = Stamp(0).after(2 * SECOND);
+    let asked = after(&mut filling, |filling, outbox| filling.close(later, outbox));
+    assert_eq!(asked, [(19, u64::MAX)]);
+}
+
+#[test]
+fn entries_that_nobody_gave_out_and_those_of_a_node_that_vanished_are_told() {
+    let told = |filling: &mut Filling| {
+        filling
+            .take_notes()
+            .into_iter()
+            .map(|note| note.text)
+            .collect::<Vec<_>>()
+    };
+    let mut overdue = Filling::default();
+    hear(&mut overdue, 0, 10, 10);
+    for _ in 0..2 * journal::TRIES {
+        let until = overdue.deadline().unwrap_or_default();
+        after(&mut overdue, |filling, outbox| filling.ask(until, outbox));
+    }
+    let in_vain = "10 entries of its journal are missing: asked for 3 times, nobody answered";
+    assert_eq!(told(&mut overdue), [in_vain]);
+    let mut vanished = Filling::default();
+    hear(&mut vanished, 0, 10, 10);
+    for _ in 0..2 {
+        vanished.presence(NodeName::Arbiter, false);
+    }
+    let gone = "10 entries of its journal are missing: it vanished before they were fetched";
+    assert_eq!(told(&mut vanished), [gone]);
+}
+
+/// Nobody answers the question for the first ten entries.
+fn give_up(filling: &mut Filling) {
+    for _ in 0..journal::TRIES {
+        answer(filling, 0, 0, 0);
+        let again = filling.deadline().unwrap_or_default();
+        after(filling, |filling, outbox| filling.ask(again, outbox));
+    }
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 mod evidence;
 mod full_disk;
+mod journals;
 mod live_viewer;
 mod properties;
 mod reader;

@@ -2,16 +2,16 @@
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Duration;
 
 use crate::support::model;
 use tandem_link::{
-    Clock, ClockSettings, Faults, Link, Observer, Report, Running, ShellOptions, Sighting, SpoolOptions, spawn,
+    Clock, ClockSettings, Device, Faults, Link, Observer, Report, Running, ShellOptions, Sighting, SpoolOptions, spawn,
 };
-use tandem_recorder::{Evidence, Provenance, Recorder, RecorderConfig, RecorderSettings, Sinks};
+use tandem_recorder::{Entry, Evidence, Output, Provenance, Recorder, RecorderConfig, RecorderSettings, Sinks};
 use tandem_trials::{Blueprint, Configuration, Findings, Missing, Overall, Verdict, reexecute};
-use tandem_wire::{NodeInfo, NodeName, Numbering, Pace, Ports, Session, Stamp, Topic, Trial, encode};
+use tandem_wire::{NodeInfo, NodeName, Numbering, Pace, Ports, Session, Stamp, Storage, Topic, Trial, codec, encode};
 
 const LIMIT: Duration = Duration::from_secs(10);
 /// More than a second of states.
@@ -23,6 +23,8 @@ struct Course {
     late: u32,
     spool_bytes: u64,
     faults: Faults,
+    /// Messages that the session file is said to have lost.
+    dropped: u64,
 }
 
 /// What became of it.
@@ -94,13 +96,22 @@ impl Stage {
         let config = RecorderConfig::new(&settings).expect("settings that go together");
         let sinks = Sinks::open(&config, timing, &provenance).expect("a session file");
         let sinks = Arc::new(Mutex::new(sinks));
-        let shared = Arc::clone(&sinks);
-        let local = move |_, output| shared.lock().expect("nobody panicked").handle(output);
+        let (shared, dropped) = (Arc::clone(&sinks), self.course.dropped);
+        let entrance = Arc::new(OnceLock::<Device>::new());
+        let back = Arc::clone(&entrance);
+        let local = move |_, output| {
+            let is_look_due = matches!(&output, Output::Write(heard) if matches!(heard.entry, Entry::Counts(_)));
+            let mut sinks = shared.lock().expect("nobody panicked");
+            sinks.handle(output);
+            let storage = sinks.storage();
+            let word = codec::to_bytes(&Storage { dropped, ..storage });
+            // A word that is lost is followed by the next.
+            let _ = is_look_due && back.get().is_some_and(|device| device.send(word));
+        };
         let options = self.options::<Recorder>();
-        (
-            spawn(link, Recorder::new(timing), options, local).expect("a recorder starts"),
-            sinks,
-        )
+        let recorder = spawn(link, Recorder::new(timing), options, local).expect("a recorder starts");
+        entrance.set(recorder.device()).expect("set once");
+        (recorder, sinks)
     }
 }
 
@@ -206,6 +217,7 @@ fn a_recorder_that_came_late_has_the_whole_journal_in_the_end() {
             late: SOME,
             spool_bytes: KEPT,
             faults: Faults::default(),
+            dropped: 0,
         },
     ));
 }
@@ -218,6 +230,7 @@ fn a_recorder_that_came_late_and_can_fetch_nothing_goes_on_from_a_snapshot() {
             late: SOME,
             spool_bytes: 0,
             faults: Faults::default(),
+            dropped: 0,
         },
     );
     assert_eq!(outcome.findings.overall(), Overall::Incomplete);
@@ -241,8 +254,27 @@ fn on_a_network_that_loses_messages_and_parts_of_journals_nothing_is_missing_in_
             late: 0,
             spool_bytes: KEPT,
             faults: BAD_NETWORK,
+            dropped: 0,
         },
     ));
+}
+
+#[test]
+fn nodes_keep_their_journals_where_the_session_file_has_lost_something() {
+    let outcome = run(
+        "full",
+        Course {
+            late: 0,
+            spool_bytes: KEPT,
+            faults: Faults::default(),
+            dropped: 1,
+        },
+    );
+    for report in &outcome.reports {
+        assert_eq!(report.journal.kept.as_ref(), Some(&outcome.spool));
+    }
+    let kept = std::fs::read_dir(&outcome.spool).expect("the folder is there").count();
+    assert!(kept >= outcome.reports.len(), "{kept} files");
 }
 
 #[test]
@@ -253,6 +285,7 @@ fn without_anything_to_fetch_from_the_same_losses_are_named() {
             late: 0,
             spool_bytes: 0,
             faults: BAD_NETWORK,
+            dropped: 0,
         },
     );
     assert_eq!(outcome.findings.overall(), Overall::Incomplete);
