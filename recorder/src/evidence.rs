@@ -14,6 +14,7 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOp
 use sha2::{Digest, Sha256};
 use tandem_wire::{JournalBatch, Malformed, NodeName, Session, Topic, decode, keys};
 
+use crate::reader::protobuf;
 use crate::session_file::{JOURNAL_ENCODING, hex};
 
 /// No record of an honest session file is longer: a model has at most 16 MiB, a chunk's record is not held whole.
@@ -95,8 +96,8 @@ pub struct Evidence {
     pub nodes: BTreeMap<Run, RecordedNode>,
     /// Each node's journal, by the index of each part's first entry. Parts may be missing or there twice.
     pub journals: BTreeMap<Run, Vec<JournalBatch>>,
-    /// The topics of which there are messages.
-    pub heard: BTreeSet<Topic>,
+    /// The topics of which there are messages, and in which runs of their senders.
+    pub heard: BTreeSet<(Topic, Session)>,
     /// What is broken.
     pub faults: Vec<Fault>,
     models: BTreeMap<String, Vec<u8>>,
@@ -192,14 +193,12 @@ impl Reading {
                 }
             }
             Record::Message { header, data } => {
-                if let Some(carried) = self.channels.get(&header.channel_id).copied() {
-                    self.evidence.heard.insert(carried.topic);
+                let carried = self.channels.get(&header.channel_id).copied();
+                match carried.map(|carried| (carried.topic, carried.raw)) {
                     // On its own journal the recorder repeats what holds when a part begins: nothing to execute.
-                    if let (Topic::Journal(node), true) = (carried.topic, carried.raw)
-                        && node != NodeName::Recorder
-                    {
-                        self.take_journal(node, &data);
-                    }
+                    None | Some((Topic::Journal(NodeName::Recorder), true)) => {}
+                    Some((Topic::Journal(node), true)) => self.take_journal(node, &data),
+                    Some((topic, _)) => self.hear(topic, &data),
                 }
             }
             Record::Attachment { data, .. } => {
@@ -209,6 +208,13 @@ impl Reading {
             Record::Metadata(record) => self.take_metadata(record),
             _ => {}
         }
+    }
+
+    /// Whoever says something ran, whether the file has its journal or not. A header that cannot be read is nobody's that
+    /// is known.
+    fn hear(&mut self, topic: Topic, message: &[u8]) {
+        let header = protobuf::header(message).unwrap_or_default();
+        self.evidence.heard.insert((topic, header.session));
     }
 
     fn take_journal(&mut self, node: NodeName, bytes: &[u8]) {

@@ -14,7 +14,7 @@
 
 mod damage;
 mod gathering;
-mod protobuf;
+pub(crate) mod protobuf;
 mod records;
 mod reel;
 mod repair;

@@ -57,6 +57,10 @@ pub(crate) fn follow<N: Ports>(
             }
             next = index.saturating_add(1);
         }
+        // Without entries it says how far the journal went.
+        if part.entries.is_empty() && part.first > next {
+            again.miss(Missing::End { from: next });
+        }
         tick(part.entries.len() as u64);
     }
     Ok((again.verdict(next), again.ran))

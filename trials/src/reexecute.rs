@@ -24,14 +24,6 @@ use crate::blueprint::Unbuildable;
 use crate::verdict::{Findings, Missing, RunFinding, Verdict};
 use crate::{Blueprint, Configuration};
 
-/// The nodes of the loop, and what each says at every step: hearing that tells of a node without a journal.
-const LOOP: [(NodeName, Topic); 4] = [
-    (NodeName::Operator, Topic::Command),
-    (NodeName::Predictor, Topic::Proposal),
-    (NodeName::Arbiter, Topic::Setpoint),
-    (NodeName::RobotSim, Topic::State),
-];
-
 /// Executes every run of every node again. `progress` is told now and then how many journal entries of how many
 /// are done.
 pub fn reexecute(evidence: &Evidence, mut progress: impl FnMut(u64, u64)) -> Findings {
@@ -54,24 +46,36 @@ pub fn reexecute(evidence: &Evidence, mut progress: impl FnMut(u64, u64)) -> Fin
 
 /// All runs that the file knows of, whether by configuration, by journal, or by messages alone.
 fn runs(evidence: &Evidence) -> BTreeSet<Run> {
-    let known = evidence.nodes.keys().chain(evidence.journals.keys());
-    let mut runs: BTreeSet<Run> = known.copied().filter(|run| run.node != NodeName::Recorder).collect();
-    for (node, topic) in LOOP {
-        if evidence.heard.contains(&topic) && !runs.iter().any(|run| run.node == node) {
-            let session = Session(0);
-            runs.insert(Run { node, session });
-        }
+    let known = evidence.nodes.keys().chain(evidence.journals.keys()).copied();
+    let heard = evidence.heard.iter().filter_map(|(topic, session)| {
+        let (node, session) = (speaker(*topic)?, *session);
+        Some(Run { node, session })
+    });
+    known
+        .chain(heard)
+        .filter(|run| run.node != NodeName::Recorder)
+        .collect()
+}
+
+/// The node of the loop that says this at every step: hearing it tells of a run, also of one without a journal.
+const fn speaker(topic: Topic) -> Option<NodeName> {
+    match topic {
+        Topic::Command => Some(NodeName::Operator),
+        Topic::Proposal => Some(NodeName::Predictor),
+        Topic::Setpoint => Some(NodeName::Arbiter),
+        Topic::State => Some(NodeName::RobotSim),
+        _ => None,
     }
-    runs
 }
 
 fn judge(evidence: &Evidence, run: Run, tick: &mut dyn FnMut(u64)) -> RunFinding {
     let recorded = evidence.nodes.get(&run);
     let journal = evidence.journals.get(&run).map_or(&[][..], Vec::as_slice);
-    let executed = match (recorded, journal) {
-        (_, []) => Err(Missing::Journal),
-        (None, _) => Err(Missing::Configuration),
-        (Some(recorded), _) => execute(evidence, run, recorded, journal, tick),
+    // A part without entries only says how far the journal went.
+    let executed = match recorded {
+        _ if journal.iter().all(|part| part.entries.is_empty()) => Err(Missing::Journal),
+        None => Err(Missing::Configuration),
+        Some(recorded) => execute(evidence, run, recorded, journal, tick),
     };
     let (verdict, ran) = match executed {
         Ok((verdict, ran)) => (verdict, ran),

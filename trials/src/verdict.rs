@@ -138,7 +138,7 @@ pub enum Missing {
         /// How many of them the node itself could not keep.
         lost: u64,
     },
-    /// The node's answers to being asked to end.
+    /// The end of the journal, of which at least the node's answers to being asked to end are missing.
     End {
         /// The first entry that is missing.
         from: u64,
@@ -286,7 +286,7 @@ impl fmt::Display for Missing {
                     lost => write!(f, " ({lost} of them it could not keep itself)"),
                 }
             }
-            Self::End { from } => write!(f, "its last answers are missing, from entry {from} of its journal on"),
+            Self::End { from } => write!(f, "the end of its journal is missing, from entry {from} on"),
         }
     }
 }

@@ -47,7 +47,7 @@ fn take<'a>(rest: &mut &'a [u8], count: usize) -> Option<&'a [u8]> {
 }
 
 /// The header of one of our messages: field 1 of all of them.
-pub(super) fn header(message: &[u8]) -> Option<Header> {
+pub(crate) fn header(message: &[u8]) -> Option<Header> {
     let body = fields(message).find_map(|field| match field {
         (1, Value::Bytes(body)) => Some(body),
         _ => None,

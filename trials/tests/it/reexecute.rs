@@ -51,6 +51,10 @@ fn part(entries: &[JournalEntry], range: std::ops::Range<usize>) -> JournalBatch
 }
 
 fn found(parts: Vec<JournalBatch>) -> Findings {
+    reexecute(&evidence(parts), |_, _| {})
+}
+
+fn evidence(parts: Vec<JournalBatch>) -> Evidence {
     let recorded = RecordedNode {
         config: Configuration::default().to_toml(),
         seed: 1,
@@ -59,7 +63,7 @@ fn found(parts: Vec<JournalBatch>) -> Findings {
     let mut evidence = Evidence::default();
     evidence.nodes.insert(RUN, recorded);
     evidence.journals = BTreeMap::from([(RUN, parts)]);
-    reexecute(&evidence, |_, _| {})
+    evidence
 }
 
 fn verdict(parts: Vec<JournalBatch>) -> Verdict {
@@ -136,6 +140,20 @@ fn a_journal_cut_anywhere_is_identical_up_to_its_last_entry() {
     let from = stop as u64 + 1;
     let cut = verdict(vec![part(&entries, 0..stop + 1)]);
     assert_eq!(cut, Verdict::Incomplete(Missing::End { from }));
+}
+
+#[test]
+fn an_end_that_the_recorder_knew_of_and_does_not_have_is_missing() {
+    let entries = journal();
+    let count = entries.len();
+    let end = part(&entries, count..count);
+    let mut whole = whole(&entries);
+    whole.push(end.clone());
+    assert_eq!(verdict(whole), Verdict::Identical);
+    let from = count as u64 - 5;
+    let cut = vec![part(&entries, 0..count - 5), end.clone()];
+    assert_eq!(verdict(cut), Verdict::Incomplete(Missing::End { from }));
+    assert_eq!(verdict(vec![end]), Verdict::Incomplete(Missing::Journal));
 }
 
 #[test]
@@ -238,14 +256,30 @@ fn a_configuration_that_cannot_be_read_is_missing_and_said_so() {
 #[test]
 fn messages_of_a_node_without_journal_and_configuration_are_not_passed_over() {
     let mut evidence = Evidence::default();
-    evidence.heard.insert(Topic::Setpoint);
+    evidence.heard.insert((Topic::Setpoint, Session(9)));
     let found = reexecute(&evidence, |_, _| {});
-    assert_eq!(found.runs[0].run.node, NodeName::Arbiter);
+    assert_eq!(
+        (found.runs[0].run.node, found.runs[0].run.session),
+        (NodeName::Arbiter, Session(9))
+    );
     assert_eq!(found.overall(), Overall::Incomplete);
     assert_eq!(
         reexecute(&Evidence::default(), |_, _| {}).overall(),
         Overall::Incomplete
     );
+}
+
+#[test]
+fn another_run_of_a_node_that_was_heard_and_left_no_journal_is_not_passed_over() {
+    let mut evidence = evidence(whole(&journal()));
+    evidence.heard.insert((Topic::State, RUN.session));
+    assert_eq!(reexecute(&evidence, |_, _| {}).overall(), Overall::Identical);
+    evidence.heard.insert((Topic::State, Session(8)));
+    let found = reexecute(&evidence, |_, _| {});
+    assert_eq!(found.overall(), Overall::Incomplete);
+    let verdicts: Vec<_> = found.runs.iter().map(|run| (run.run.session, &run.verdict)).collect();
+    let missing = Verdict::Incomplete(Missing::Journal);
+    assert_eq!(verdicts, [(RUN.session, &Verdict::Identical), (Session(8), &missing)]);
 }
 
 #[test]
