@@ -7,7 +7,9 @@ use std::thread::Thread;
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, Sender, TryRecvError, bounded};
-use tandem_wire::{Happening, JournalBatch, JournalEntry, NodeName, Numbering, Pace, Stamp, Topic, encode};
+use tandem_wire::{
+    Happening, JournalBatch, JournalEntry, Message as _, NodeName, Numbering, Pace, Stamp, Topic, encode,
+};
 use zenoh::Wait;
 use zenoh::pubsub::Publisher;
 use zenoh::query::Queryable;
@@ -16,12 +18,21 @@ use crate::answer::answer_journal;
 use crate::faults::Faults;
 use crate::net::{Link, LinkError};
 use crate::running::ShellOptions;
-use crate::spool::{LINGER, Spool};
+use crate::spool::{ANSWER_BYTES, LINGER, Spool};
 
 /// Entries that may wait for the thread: ten seconds of a node at 400 entries a second.
 const QUEUE: usize = 4096;
-/// A batch holds this many bytes at most, and its first entry is about this old.
+/// A batch holds this many bytes at most, or one longer entry, and its first entry is about this old.
 const BATCH_BYTES: usize = 32 * 1024;
+/// An entry of more bytes is lost: no batch with it could be read again, nor any answer across it. Twice the longest
+/// message that a node of the loop hears.
+const ENTRY_BYTES: usize = JournalBatch::MAX_BYTES / 2;
+/// What stands before the entries of a batch, and more.
+const AROUND_BYTES: usize = 64;
+const _: () = assert!(
+    ANSWER_BYTES + (ENTRY_BYTES + AROUND_BYTES) as u64 <= JournalBatch::MAX_BYTES as u64,
+    "an answer can be read, whatever its last batch is"
+);
 /// The thread sleeps for so long between batches, so that no entry costs its node a wake-up unless the queue is half full.
 /// It is what a killed process loses, far below the second that is promised.
 const BATCH_AGE: Duration = Duration::from_millis(200);
@@ -35,7 +46,7 @@ const REPEAT: Duration = Duration::from_millis(100);
 pub struct JournalReport {
     /// Entries written.
     pub entries: u64,
-    /// Entries lost because the thread could not keep up.
+    /// Entries lost because the thread could not keep up, or because they were far too long.
     pub lost: u64,
     /// Whether the disk failed; from then on the journal was only sent.
     pub disk_failed: bool,
@@ -123,6 +134,7 @@ impl Journal {
             entry: JournalEntry { at, wall, what },
         };
         let sent = match self.pace {
+            _ if entry_bytes(&item.entry) > ENTRY_BYTES => false,
             Pace::Lockstep => sender.send(item).is_ok(),
             Pace::Real => sender.try_send(item).is_ok(),
         };
@@ -253,25 +265,122 @@ impl Carrier {
     }
 }
 
-/// Adds what waits until the batch is full. A gap ends the batch too: the entry behind it is handed back.
+/// Adds what waits until the batch is full. The entry that has no room any more is handed back, and so is one behind a
+/// gap.
 fn fill(batch: &mut JournalBatch, receiver: &Receiver<Item>) -> Option<Item> {
     let mut size: usize = batch.entries.iter().map(entry_bytes).sum();
-    while size < BATCH_BYTES {
+    loop {
         let item = receiver.try_recv().ok()?;
-        if item.index != batch.first + batch.entries.len() as u64 {
+        size += entry_bytes(&item.entry);
+        if size > BATCH_BYTES || item.index != batch.first + batch.entries.len() as u64 {
             return Some(item);
         }
-        size += entry_bytes(&item.entry);
         batch.entries.push(item.entry);
     }
-    None
 }
 
-fn entry_bytes(entry: &JournalEntry) -> usize {
+/// At least as many bytes as it takes in a batch.
+const fn entry_bytes(entry: &JournalEntry) -> usize {
     match &entry.what {
         Happening::Sample { bytes, .. } | Happening::Output { bytes, .. } | Happening::Snapshot { bytes } => {
             40 + bytes.len()
         }
-        Happening::Wake | Happening::Presence { .. } | Happening::Stop | Happening::Missed { .. } => 24,
+        Happening::Wake | Happening::Presence { .. } | Happening::Stop | Happening::Missed { .. } => 32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spool::SpoolOptions;
+    use tandem_wire::{Session, decode};
+
+    fn item(index: u64, length: usize) -> Item {
+        let entry = JournalEntry {
+            at: Stamp(index),
+            wall: Stamp(0),
+            what: Happening::Snapshot {
+                bytes: vec![7; length - 40],
+            },
+        };
+        Item { index, entry }
+    }
+
+    /// The batches that are made of entries of these lengths, all of which wait.
+    fn batches(lengths: &[usize]) -> Vec<JournalBatch> {
+        let (sender, receiver) = bounded(lengths.len());
+        for (&length, index) in lengths.iter().zip(0..) {
+            sender.try_send(item(index, length)).ok().expect("room for all");
+        }
+        let (mut batches, mut held) = (Vec::new(), None);
+        while let Some(Item { index, entry }) = held.take().or_else(|| receiver.try_recv().ok()) {
+            let mut batch = JournalBatch {
+                first: index,
+                lost: 0,
+                entries: vec![entry],
+            };
+            held = fill(&mut batch, &receiver);
+            batches.push(batch);
+        }
+        batches
+    }
+
+    #[test]
+    fn a_batch_is_full_before_it_is_too_long_and_only_a_longer_entry_has_one_for_itself() {
+        let made = batches(&[BATCH_BYTES / 2, BATCH_BYTES / 2, 40, ENTRY_BYTES, ENTRY_BYTES, 50]);
+        let shape: Vec<_> = made.iter().map(|batch| (batch.first, batch.entries.len())).collect();
+        assert_eq!(shape, [(0, 2), (2, 1), (3, 1), (4, 1), (5, 1)]);
+    }
+
+    #[test]
+    fn an_entry_that_no_batch_could_hold_is_lost_and_counted() {
+        let (sender, receiver) = bounded(2);
+        let mut journal = Journal {
+            sender: Some(sender),
+            carrier: std::thread::current(),
+            done: bounded(1).1,
+            pace: Pace::Lockstep,
+            report: JournalReport::default(),
+            shared: Arc::default(),
+            spool: None,
+            _answers: None,
+        };
+        for length in [JournalBatch::MAX_BYTES + 1, 1] {
+            let bytes = vec![0; length];
+            journal.write(Stamp(0), Stamp(0), Happening::Snapshot { bytes });
+        }
+        assert_eq!((journal.report.entries, journal.report.lost), (2, 1));
+        let indices: Vec<_> = receiver.try_iter().map(|item| item.index).collect();
+        assert_eq!(indices, [1], "the gap shows");
+    }
+
+    #[test]
+    fn whatever_is_kept_can_be_given_out_and_read_again() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let options = SpoolOptions {
+            folder: folder.path().join("journals"),
+            limit_bytes: 64 << 20,
+        };
+        let mut spool = Spool::create(&options, NodeName::Arbiter, Session(3)).expect("a file");
+        let mut numbering = Numbering::new(Session(3));
+        let mut bytes = Vec::new();
+        // Just too short for an answer, and then the longest.
+        let short = usize::try_from(ANSWER_BYTES).expect("a small number") / BATCH_BYTES - 1;
+        let lengths: Vec<_> = [BATCH_BYTES]
+            .repeat(short)
+            .into_iter()
+            .chain([ENTRY_BYTES; 2])
+            .collect();
+        for batch in batches(&lengths) {
+            encode(&numbering.envelope(Stamp(0), 0, batch.clone()), &mut bytes);
+            spool.keep(&batch, &bytes).expect("room on the disk");
+        }
+        let mut next = 0;
+        while next < lengths.len() as u64 {
+            let answer = spool.answer(next, u64::MAX).expect("its own parts can be read");
+            next = answer.first + answer.entries.len() as u64;
+            encode(&numbering.envelope(Stamp(0), 0, answer), &mut bytes);
+            decode::<JournalBatch>(&bytes).expect("whoever asked can read it");
+        }
     }
 }

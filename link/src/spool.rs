@@ -14,8 +14,8 @@ use crate::LinkSettings;
 
 /// So many files share the limit: what goes at once is a quarter of it.
 const FILES: u64 = 4;
-/// An answer holds about this many bytes: small enough to slip between other messages of its class.
-const ANSWER_BYTES: u64 = 256 * 1024;
+/// An answer holds about this many bytes, and at most a batch more: small enough to slip between other messages of its class.
+pub(crate) const ANSWER_BYTES: u64 = 256 * 1024;
 /// How long a closing node waits for a recorder to say that it has everything.
 pub(crate) const LINGER: Nanos = 3 * SECOND / 2;
 
