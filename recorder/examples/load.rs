@@ -1,9 +1,14 @@
 //! What the recorder takes: messages at a rate for a time, from the node's step to the disk, and what it cost.
 //!
-//! `load [SECONDS=60] [RATE=20000] [PATH]`; after it, in the same run, the bare
-//! mcap writer with the same payloads and compression. Processor time and memory are read from `/proc`.
+//! `load [SECONDS=60] [RATE=20000] [PATH] [CONVERTED=0]`; after it, in the same run, the bare
+//! mcap writer with the same payloads and compression. Processor time and memory are read from `/proc`. So many of a
+//! hundred messages are states and setpoints in turns, which are converted to protobuf; the others are parts of journals,
+//! written as they travel. The comparison is of parts only.
 
 #![expect(clippy::disallowed_methods, reason = "a measurement reads the clock")]
+
+#[path = "../tests/it/script/mixture.rs"]
+mod mixture;
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -11,6 +16,7 @@ use std::io::BufWriter;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use mixture::Mixture;
 use tandem_recorder::{
     Drops, Heard, Output, Provenance, Recorder, RecorderConfig, RecorderSettings, SessionFile, Sinks,
 };
@@ -39,13 +45,14 @@ fn main() -> Result<(), Failure> {
     let seconds: u64 = arguments.next().map_or(Ok(60), |text| text.parse())?;
     let rate: u64 = arguments.next().map_or(Ok(20_000), |text| text.parse())?;
     let path = arguments.next().unwrap_or_else(|| "load.mcap".to_owned());
+    let converted: u64 = arguments.next().map_or(Ok(0), |text| text.parse())?;
     println!("one message    {} bytes", message(0).len());
-    sustain(seconds, rate, &path)?;
+    sustain(seconds, rate, &path, converted)?;
     compare(&path)
 }
 
 /// The whole recorder but Zenoh, at a rate.
-fn sustain(seconds: u64, rate: u64, path: &str) -> Result<(), Failure> {
+fn sustain(seconds: u64, rate: u64, path: &str, converted: u64) -> Result<(), Failure> {
     let settings = RecorderSettings {
         path: path.to_owned(),
         overwrite: true,
@@ -53,7 +60,7 @@ fn sustain(seconds: u64, rate: u64, path: &str) -> Result<(), Failure> {
     };
     let mut sinks = Sinks::open(&RecorderConfig::new(&settings)?, Timing::default(), &provenance()?)?;
     let mut recorder = Recorder::new(Timing::default());
-    let mut outbox = Outbox::default();
+    let (mut mixture, mut outbox) = (Mixture::new(converted), Outbox::default());
     let (began, cpu) = (Instant::now(), cpu_seconds());
     let mut feeding = Duration::ZERO;
     for number in 0..rate * seconds {
@@ -62,13 +69,10 @@ fn sustain(seconds: u64, rate: u64, path: &str) -> Result<(), Failure> {
         if number % (rate / 1000).max(1) == 0 && due > began.elapsed() {
             crossbeam_channel::after(due.saturating_sub(began.elapsed())).recv()?;
         }
-        let bytes = message(number);
-        let fed = Instant::now();
         let now = Stamp(due.as_nanos().try_into()?);
-        let input = Input::Sample {
-            topic: TOPIC,
-            bytes: &bytes,
-        };
+        let (topic, bytes) = mixture.next(now).unwrap_or_else(|| (TOPIC, message(number)));
+        let fed = Instant::now();
+        let input = Input::Sample { topic, bytes: &bytes };
         recorder.step(now, Recorder::event(input), &mut outbox);
         outbox.drain().for_each(|output| sinks.handle(output));
         feeding += fed.elapsed();
@@ -77,7 +81,7 @@ fn sustain(seconds: u64, rate: u64, path: &str) -> Result<(), Failure> {
     let closed = sinks.close(Duration::from_secs(30));
     let cpu = cpu_seconds() - cpu;
     println!(
-        "at a rate      {} messages in {wall:.1} s, {} dropped",
+        "at a rate      {} messages, {converted} of a hundred converted, in {wall:.1} s, {} dropped",
         rate * seconds,
         closed.drops.session_file.total()
     );

@@ -1,9 +1,14 @@
 //! What the recorder's process takes over real Zenoh: messages of 300 bytes at a rate for a time, and what it cost.
 //!
-//! `recorder_load TANDEM [SECONDS=60] [RATE=20000] [stalled]`, where TANDEM is the program to be measured. This process
-//! sends parts of four journals over TCP on loopback, in a class that waits where the line is full rather than drop; processor time and memory of the recorder's process are
-//! read from `/proc`, what arrived from its file. With `stalled` its disk is a pipe that nobody reads and its viewer
-//! accepts connections and never answers: then memory and exit code are what matters. Linux only.
+//! `recorder_load TANDEM [SECONDS=60] [RATE=20000] [stalled | CONVERTED=0]`, where TANDEM is the program to be measured.
+//! This process sends parts of four journals over TCP on loopback, in a class that waits where the line is full rather
+//! than drop; processor time and memory of the recorder's process are read from `/proc`, what arrived from its file. With
+//! `stalled` its disk is a pipe that nobody reads and its viewer accepts connections and never answers: then memory and
+//! exit code are what matters. With a number, so many of a hundred messages are states and setpoints in turns, which the
+//! recorder converts to protobuf. Linux only.
+
+#[path = "../../recorder/tests/it/script/mixture.rs"]
+mod mixture;
 
 use std::fs::File;
 use std::net::TcpListener;
@@ -12,6 +17,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use mixture::Mixture;
 use tandem_link::{Clock, Link, LinkSettings, Observer, Sighting};
 use tandem_wire::{
     Delivery, Envelope, Happening, Header, JournalBatch, JournalEntry, NodeName, Pace, Seq, Session, Stamp, Topic,
@@ -37,18 +43,34 @@ fn main() -> Result<(), Failure> {
     let mut arguments = std::env::args().skip(1);
     let program = arguments
         .next()
-        .ok_or("usage: recorder_load TANDEM [SECONDS] [RATE] [stalled]")?;
+        .ok_or("usage: recorder_load TANDEM [SECONDS] [RATE] [stalled | CONVERTED]")?;
     let seconds: u64 = arguments.next().map_or(Ok(60), |text| text.parse())?;
     let rate: u64 = arguments.next().map_or(Ok(20_000), |text| text.parse())?;
-    let is_stalled = arguments.next().is_some_and(|word| word == "stalled");
+    let word = arguments.next().unwrap_or_else(|| "0".to_owned());
+    let load = Load {
+        seconds,
+        rate,
+        is_stalled: word == "stalled",
+        converted: if word == "stalled" { 0 } else { word.parse()? },
+    };
     let folder = std::env::temp_dir().join(format!("recorder-load-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
-    let measured = measure(&program, seconds, rate, is_stalled, &folder);
+    let measured = measure(&program, &load, &folder);
     std::fs::remove_dir_all(&folder)?;
     measured
 }
 
-fn measure(program: &str, seconds: u64, rate: u64, is_stalled: bool, folder: &Path) -> Result<(), Failure> {
+/// What is sent, and to what.
+struct Load {
+    seconds: u64,
+    rate: u64,
+    is_stalled: bool,
+    /// So many of a hundred messages are converted.
+    converted: u64,
+}
+
+fn measure(program: &str, load: &Load, folder: &Path) -> Result<(), Failure> {
+    let is_stalled = load.is_stalled;
     let session = folder.join("load.mcap");
     let viewer = TcpListener::bind("127.0.0.1:0")?;
     let _pipe = is_stalled.then(|| stall(&session)).transpose()?;
@@ -62,7 +84,7 @@ fn measure(program: &str, seconds: u64, rate: u64, is_stalled: bool, folder: &Pa
         command.args(["--view", &url]);
     }
     let mut recorder = command.stdin(Stdio::null()).spawn()?;
-    let sent = drive(&mut recorder, &endpoint, seconds, rate);
+    let sent = drive(&mut recorder, &endpoint, load);
     Command::new("kill")
         .args(["-s", "INT", &recorder.id().to_string()])
         .status()?;
@@ -92,7 +114,8 @@ fn stall(path: &Path) -> Result<File, Failure> {
         .open(path)?)
 }
 
-fn drive(recorder: &mut Child, endpoint: &str, seconds: u64, rate: u64) -> Result<u64, Failure> {
+fn drive(recorder: &mut Child, endpoint: &str, load: &Load) -> Result<u64, Failure> {
+    let rate = load.rate;
     let link = Link::open(&LinkSettings {
         robot: "load".into(),
         connect: vec![endpoint.to_owned()],
@@ -101,17 +124,23 @@ fn drive(recorder: &mut Child, endpoint: &str, seconds: u64, rate: u64) -> Resul
     wait_for(&link)?;
     let before = cpu_seconds(recorder.id())?;
     let began = Instant::now();
-    let count = rate * seconds;
+    let count = rate * load.seconds;
     let names = STREAMS.map(|node| Topic::Journal(node).suffix());
-    let step = (rate / 1000).max(1);
+    let mut mixture = Mixture::new(load.converted);
+    let (step, mut parts) = ((rate / 1000).max(1), 0_u64);
     for number in 0..count {
         // A thousand times a second, as many as are due: no finer than a system's timer.
         if number % step == 0 {
             let due = Duration::from_nanos(number * 1_000_000_000 / rate);
             std::thread::sleep(due.saturating_sub(began.elapsed()));
         }
-        let stream = usize::try_from(number)? % names.len();
-        let of_stream = number / names.len() as u64;
+        if let Some((topic, bytes)) = mixture.next(Clock::of_process().now()) {
+            link.publish_as(&topic.suffix(), Delivery::Event, Pace::Real, bytes)?;
+            continue;
+        }
+        let stream = usize::try_from(parts)? % names.len();
+        let of_stream = parts / names.len() as u64;
+        parts += 1;
         link.publish_as(&names[stream], Delivery::Event, Pace::Real, message(stream, of_stream))?;
     }
     let wall = began.elapsed().as_secs_f64();
@@ -119,7 +148,7 @@ fn drive(recorder: &mut Child, endpoint: &str, seconds: u64, rate: u64) -> Resul
     std::thread::sleep(Duration::from_secs(1));
     let cpu = cpu_seconds(recorder.id())? - before;
     println!(
-        "sent           {count} messages of {} bytes in {wall:.1} s",
+        "sent           {count} messages, {parts} of them parts of {} bytes, in {wall:.1} s",
         message(0, 0).len()
     );
     println!("processor      {:.1} % of one core", 100.0 * cpu / wall);
@@ -155,11 +184,12 @@ fn kept(session: &Path) -> Result<Kept, Failure> {
     let bytes = std::fs::read(session)?;
     let summary = mcap::Summary::read(&bytes)?.ok_or("the file has no index")?;
     let statistics = summary.stats.ok_or("the file has no statistics")?;
-    let journals = summary
-        .channels
-        .values()
-        .filter(|channel| channel.topic.contains("/journal/"));
-    let counts = journals.filter_map(|channel| statistics.channel_message_counts.get(&channel.id));
+    // One message on one of these channels for each that was sent; a state has others besides.
+    let sent = summary.channels.values().filter(|channel| {
+        let is_part = channel.topic.contains("/journal/") && !channel.topic.ends_with("/recorder");
+        is_part || channel.topic.ends_with("/state") || channel.topic.ends_with("/setpoint")
+    });
+    let counts = sent.filter_map(|channel| statistics.channel_message_counts.get(&channel.id));
     let messages = counts.sum();
     let counts = summary
         .metadata_indexes
