@@ -1,32 +1,31 @@
 //! The keyboard's terminal: keys in, device samples out, one line of status.
 //!
 //! The one part of this crate that does input and output; it knows nothing of the node but the samples' format. Run it
-//! on a thread of its own, with [`run`].
+//! on a thread of its own, with [`run`]. Whoever else needs keys that are held has [`RawTerminal`] and [`HeldKeys`].
 //!
 //! Where the terminal speaks the kitty keyboard protocol, keys are down until they are released, and all of them go up
 //! when the window loses the focus. Elsewhere a terminal tells only of presses and repeats, so a key counts as down for
 //! a moment after each: letting go or losing the focus stops within [`REPEAT_MAY_TAKE`], and the pause that keyboards
 //! make before the first repeat lets the robot stop once, too. The screen says which of the two it is.
 
-use std::io::{self, IsTerminal, Write};
+mod held;
+mod terminal;
+
+use std::io::{self, Stdout, Write};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use crossterm::cursor::{Hide, MoveToColumn, Show};
-use crossterm::event::{
-    self, DisableFocusChange, EnableFocusChange, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers,
-    KeyboardEnhancementFlags, PopKeyboardEnhancementFlags, PushKeyboardEnhancementFlags,
-};
+use crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use crossterm::style::Print;
-use crossterm::terminal::{self, Clear, ClearType};
+use crossterm::terminal::{Clear, ClearType, size};
 use crossterm::{execute, queue};
-use tandem_wire::{MILLISECOND, Nanos};
+use tandem_wire::Nanos;
 
 use crate::device::{DeviceSample, Keys, SAMPLE_PERIOD};
 
-/// Without key releases a key counts as down for this long after its last repeat. Keyboards repeat ten to thirty times
-/// a second; the longest usual gap and a half.
-pub const REPEAT_MAY_TAKE: Nanos = 150 * MILLISECOND;
+pub use held::{HeldKeys, REPEAT_MAY_TAKE};
+pub use terminal::RawTerminal;
 
 /// Why the keyboard was left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,7 +65,7 @@ pub fn run(
     mut status: impl FnMut() -> String,
 ) -> Result<Leaving, KeyboardError> {
     let mut screen = Screen::open()?;
-    let mut pressed = Pressed::new(screen.releases);
+    let mut pressed = Pressed::new(screen.terminal.tells_releases());
     let left = read_keys(&mut screen, &mut pressed, &mut send, &mut status);
     pressed.let_go();
     // The caller may have broken off already; either way this is the last sample.
@@ -138,12 +137,10 @@ const BINDINGS: [(KeyCode, Keys); 11] = [
     (KeyCode::Char(' '), Keys::HOLD),
 ];
 
-/// Which keys are down, from what a terminal tells.
+/// Which keys are down, and how often the others were pressed.
 struct Pressed {
-    /// Whether the terminal tells of releases.
-    releases: bool,
-    /// When each key of [`BINDINGS`] was last heard of, while it is down.
-    down: [Option<Nanos>; BINDINGS.len()],
+    /// Those of [`BINDINGS`].
+    held: HeldKeys<{ BINDINGS.len() }>,
     presses: u8,
     requests: u8,
     stops: u8,
@@ -154,8 +151,7 @@ struct Pressed {
 impl Pressed {
     const fn new(releases: bool) -> Self {
         Self {
-            releases,
-            down: [None; BINDINGS.len()],
+            held: HeldKeys::new(releases),
             presses: 0,
             requests: 0,
             stops: 0,
@@ -191,42 +187,23 @@ impl Pressed {
             KeyCode::Char('t') if fresh && !control => self.take_overs = self.take_overs.wrapping_add(1),
             _ => {}
         }
-        if let Some(slot) = BINDINGS.iter().position(|(bound, _)| *bound == code) {
-            self.touch(now, slot, key.kind);
+        let slot = BINDINGS.iter().position(|(bound, _)| *bound == code);
+        if slot.is_some_and(|slot| self.held.take(now, slot, key.kind)) {
+            self.presses = self.presses.wrapping_add(1);
         }
         ControlFlow::Continue(())
     }
 
-    fn touch(&mut self, now: Nanos, slot: usize, kind: KeyEventKind) {
-        let none_down = self.down.iter().all(Option::is_none);
-        match kind {
-            KeyEventKind::Release => self.down[slot] = None,
-            // A repeat of a key that is up: it was down when the focus came back, and that is no press.
-            KeyEventKind::Repeat if self.releases && self.down[slot].is_none() => {}
-            KeyEventKind::Press | KeyEventKind::Repeat => {
-                self.down[slot] = Some(now);
-                if none_down {
-                    self.presses = self.presses.wrapping_add(1);
-                }
-            }
-        }
-    }
-
-    /// Where releases are not told of, silence is one.
     fn expire(&mut self, now: Nanos) {
-        if !self.releases {
-            for heard in &mut self.down {
-                *heard = heard.filter(|heard| now.saturating_sub(*heard) <= REPEAT_MAY_TAKE);
-            }
-        }
+        self.held.expire(now);
     }
 
-    fn let_go(&mut self) {
-        self.down = [None; BINDINGS.len()];
+    const fn let_go(&mut self) {
+        self.held.let_go();
     }
 
     fn sample(&self) -> DeviceSample {
-        let down = self.down.iter().zip(BINDINGS).filter(|(heard, _)| heard.is_some());
+        let down = self.held.down().into_iter().zip(BINDINGS).filter(|(down, _)| *down);
         DeviceSample {
             keys: down.fold(Keys::default(), |keys, (_, (_, key))| keys.and(key)),
             presses: self.presses,
@@ -238,51 +215,32 @@ impl Pressed {
     }
 }
 
-/// The terminal in raw mode; restored when dropped.
+/// The terminal with its one line of status; as it was when this is dropped.
 struct Screen {
-    releases: bool,
+    terminal: RawTerminal<Stdout>,
     shown: String,
 }
 
 const HELP: &str = "arrows or WASD move, Q/E up/down, space: robot leads, R: new trial, Esc quits\r\n\
     X: EMERGENCY STOP (cleared with: tandem estop --clear), L: give the lease up, T: take it over (supervisor)\r\n";
-const WITH_RELEASES: &str = "keys count until they are released or this window loses the focus\r\n";
-const WITHOUT_RELEASES: &str = "this terminal does not tell of key releases: a key counts only while it repeats,\r\n\
-    one at a time, with a pause before it repeats (kitty, foot, WezTerm do better)\r\n";
 
 impl Screen {
     fn open() -> Result<Self, KeyboardError> {
-        if !io::stdin().is_terminal() || !io::stdout().is_terminal() {
-            return Err(KeyboardError::NotATerminal);
-        }
-        terminal::enable_raw_mode().map_err(failed("switch the terminal to raw mode"))?;
-        // From here on dropping it restores the terminal, also if what follows fails.
-        let mut screen = Self {
-            releases: false,
+        let terminal = RawTerminal::open_to_hold(io::stdout())?;
+        // From here on dropping it shows the cursor again, also if what follows fails.
+        let screen = Self {
+            terminal,
             shown: String::new(),
         };
-        // A terminal that does not answer within two seconds has no such protocol.
-        screen.releases = cfg!(windows) || terminal::supports_keyboard_enhancement().unwrap_or(false);
-        screen.prepare().map_err(failed("prepare the terminal"))?;
+        let how = screen.terminal.how_keys_count();
+        execute!(io::stdout(), Hide, Print(HELP), Print(how)).map_err(failed("prepare the terminal"))?;
         Ok(screen)
-    }
-
-    fn prepare(&self) -> io::Result<()> {
-        let mut out = io::stdout();
-        if self.releases && !cfg!(windows) {
-            let flags = KeyboardEnhancementFlags::DISAMBIGUATE_ESCAPE_CODES
-                | KeyboardEnhancementFlags::REPORT_EVENT_TYPES
-                | KeyboardEnhancementFlags::REPORT_ALL_KEYS_AS_ESCAPE_CODES;
-            queue!(out, PushKeyboardEnhancementFlags(flags))?;
-        }
-        let how = if self.releases { WITH_RELEASES } else { WITHOUT_RELEASES };
-        execute!(out, EnableFocusChange, Hide, Print(HELP), Print(how))
     }
 
     /// Shows one line of status, cut to the terminal's width.
     fn show(&mut self, status: &str) -> Result<(), KeyboardError> {
         // Some terminals say that they are zero columns wide when they do not know.
-        let width = terminal::size().map_or(0, |(columns, _)| usize::from(columns));
+        let width = size().map_or(0, |(columns, _)| usize::from(columns));
         let width = if width == 0 { 80 } else { width };
         let line: String = status
             .chars()
@@ -302,18 +260,15 @@ impl Screen {
 
 impl Drop for Screen {
     fn drop(&mut self) {
-        let mut out = io::stdout();
-        // Each on its own, and nothing to be done if one fails: the terminal is gone then.
-        if self.releases && !cfg!(windows) {
-            let _ = execute!(out, PopKeyboardEnhancementFlags);
-        }
-        let _ = execute!(out, DisableFocusChange, Show, Print("\r\n"));
-        let _ = terminal::disable_raw_mode();
+        // Nothing to be done if it fails: the terminal is gone then.
+        let _ = execute!(io::stdout(), Show, Print("\r\n"));
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use tandem_wire::MILLISECOND;
+
     use super::*;
 
     fn event(code: KeyCode, kind: KeyEventKind) -> Event {

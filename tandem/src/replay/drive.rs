@@ -3,26 +3,31 @@
 //! The only place of a replay from which anything is commanded. It runs an operator like any other, with its own
 //! session, whose hand is moved by the [`Driver`]: arbiter and robot check it as they check everybody.
 
+mod grip;
+
+use std::io;
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
-use crossbeam_channel::Receiver;
+use crossbeam_channel::{Receiver, TryRecvError};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 use tandem_link::{Clock, Link, Observer, Player, Reach, Running, Sighting};
+use tandem_operator::keyboard::{KeyboardError, RawTerminal};
 use tandem_operator::{PlayedSample, SAMPLE_PERIOD};
 use tandem_recorder::{Recorded, Recording};
 use tandem_site::Role;
 use tandem_trials::drive::{Driver, End, Phase, Track};
 use tandem_wire::{Nanos, NodeName, Pace, SECOND, Stamp, State, Topic, Trial, decode, seconds};
 
-use super::keyboard::{self, DriveKey, Keyboard};
+use super::keyboard::Keyboard;
 use super::player::Speed;
 use super::{ReplayFlags, target};
 use crate::configuration::BadConfiguration;
 use crate::parts::Parts;
 use crate::trial::TrialMarks;
 use crate::{Outcome, nodes};
+use grip::{DriveKey, Grip};
 
 /// How a drive ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,12 +53,10 @@ pub(super) fn run(
         return Err(BadConfiguration::Conflict(why).into());
     }
     let track = Track::recorded(messages.iter().copied())?;
-    let keyboard = Keyboard::open(keyboard::driving);
-    if !keyboard.is_there() {
-        let why = "--drive needs a terminal: somebody must hold the deadman".to_owned();
-        return Err(BadConfiguration::Conflict(why).into());
-    }
-    introduce(&track, recording, &configuration.link.robot);
+    let terminal = terminal()?;
+    introduce(&track, recording, &configuration.link.robot, &terminal);
+    let grip = Grip::new(terminal.tells_releases());
+    let keyboard = Keyboard::listen(terminal, grip);
     let settings = configuration.replay.clone();
     let parts = Parts::new(configuration, None)?;
     let reach = Reach::new(parts.link_settings(), Some(Role::Operator))?;
@@ -88,11 +91,39 @@ fn per_mille(speed: Option<Speed>) -> Result<u32, BadConfiguration> {
     }
 }
 
-fn hung_up(keyboard: &Keyboard<DriveKey>, interrupted: &Receiver<()>) -> bool {
-    interrupted.try_recv().is_ok() || keyboard.keys().try_iter().any(|key| key == DriveKey::Quit)
+/// A person's terminal. Its standard output may be a file: what is shown goes to standard error.
+fn terminal() -> anyhow::Result<RawTerminal<io::Stderr>> {
+    RawTerminal::open_to_hold(io::stderr()).map_err(|error| match error {
+        KeyboardError::NotATerminal => {
+            let why = "--drive needs a terminal: somebody must hold the deadman".to_owned();
+            BadConfiguration::Conflict(why).into()
+        }
+        KeyboardError::Terminal { .. } => error.into(),
+    })
 }
 
-fn introduce(track: &Track, recording: &Recording, robot: &str) {
+/// What the person does next, or nothing yet.
+fn next_key(keys: &Receiver<DriveKey>) -> anyhow::Result<Option<DriveKey>> {
+    match keys.try_recv() {
+        Ok(key) => Ok(Some(key)),
+        Err(TryRecvError::Empty) => Ok(None),
+        Err(TryRecvError::Disconnected) => bail!("the terminal has gone, and nobody holds the deadman any more"),
+    }
+}
+
+fn hung_up(keyboard: &Keyboard<DriveKey>, interrupted: &Receiver<()>) -> bool {
+    let mut has_left = interrupted.try_recv().is_ok();
+    while !has_left {
+        match next_key(keyboard.keys()) {
+            Ok(None) => break,
+            Ok(Some(DriveKey::Quit)) | Err(_) => has_left = true,
+            Ok(Some(DriveKey::Wish(_))) => {}
+        }
+    }
+    has_left
+}
+
+fn introduce(track: &Track, recording: &Recording, robot: &str, terminal: &RawTerminal<io::Stderr>) {
     let of = recording.robot.as_ref().map_or("unknown", |robot| robot.as_str());
     eprintln!(
         "replay: {:.1} s of {of}'s path are ready to be driven with {robot}\r",
@@ -103,7 +134,7 @@ fn introduce(track: &Track, recording: &Recording, robot: &str) {
             "replay: the recording goes on elsewhere after that, as when a trial begins; use --from to drive the rest\r"
         );
     }
-    eprintln!("{}\r", keyboard::DRIVE_HELP);
+    eprint!("{}\r\n{}", grip::HELP, terminal.how_keys_count());
 }
 
 /// Runs an operator whose hand the driver moves, until either ends or the person leaves.
@@ -202,7 +233,7 @@ fn steer(
         if operator.is_finished() {
             bail!("the operator ended by itself");
         }
-        for key in keys.try_iter() {
+        while let Some(key) = next_key(keys)? {
             match key {
                 DriveKey::Quit => return Ok(Ending::Left),
                 DriveKey::Wish(wish) => driver.wish(clock.now(), wish),

@@ -1,25 +1,21 @@
 //! The terminal's keys during a replay, if there is a terminal.
 
-use std::io::{self, IsTerminal};
+use std::io::{self, Stderr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use crossbeam_channel::{Receiver, Sender, bounded, never};
-use crossterm::event::{
-    self, DisableFocusChange, EnableFocusChange, Event as TerminalEvent, KeyCode, KeyEvent, KeyEventKind, KeyModifiers,
-};
-use crossterm::{execute, terminal};
-use tandem_trials::drive::Wish;
+use crossbeam_channel::{Receiver, Sender, bounded};
+use crossterm::event::{self, Event as TerminalEvent, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use tandem_operator::keyboard::RawTerminal;
+use tandem_wire::Nanos;
 
 use super::player::Event;
 
 /// What the keys mean while a session is played, for the screen.
 pub(super) const HELP: &str = "space pause · ←/→ 1 s · shift 10 s · ,/. step · +/− speed · home/end · q quit";
-/// What they mean while a robot is driven.
-pub(super) const DRIVE_HELP: &str = "enter: hold the deadman and drive · any other key: let go, stop · q: quit";
-/// How often the thread looks whether it is still wanted.
-const POLL: Duration = Duration::from_millis(100);
+/// How often the thread looks whether it is still wanted, and a meaning whether time has changed it.
+const POLL: Duration = Duration::from_millis(20);
 const SECOND: i64 = 1_000_000_000;
 
 /// A key that means something while a session is played.
@@ -29,11 +25,10 @@ pub(super) enum Key {
     Quit,
 }
 
-/// A key that means something while a robot is driven.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum DriveKey {
-    Wish(Wish),
-    Quit,
+/// What becomes of events.
+pub(super) trait Meaning<K> {
+    /// What an event means, or that there is none at this moment.
+    fn hear(&mut self, now: Nanos, event: Option<&TerminalEvent>) -> Option<K>;
 }
 
 /// Where keys come from.
@@ -54,68 +49,53 @@ impl Source for Terminal {
     }
 }
 
-/// The terminal in raw mode, and back to normal when this is dropped.
+/// The keys of a terminal in raw mode; it is back to normal when this is dropped.
 pub(super) struct Keyboard<K> {
     keys: Receiver<K>,
-    is_open: Option<Arc<AtomicBool>>,
+    is_wanted: Arc<AtomicBool>,
+    _terminal: RawTerminal<Stderr>,
 }
 
 impl<K: Send + 'static> Keyboard<K> {
-    /// Listens to the terminal; without one, to nothing.
-    pub(super) fn open(meaning: fn(&TerminalEvent) -> Option<K>) -> Self {
-        if !std::io::stdin().is_terminal() || !std::io::stderr().is_terminal() || terminal::enable_raw_mode().is_err() {
-            return Self {
-                keys: never(),
-                is_open: None,
-            };
-        }
-        // A terminal that cannot tell of its focus simply never does.
-        let _ = execute!(io::stderr(), EnableFocusChange);
+    /// Listens to the terminal.
+    pub(super) fn listen(terminal: RawTerminal<Stderr>, meaning: impl Meaning<K> + Send + 'static) -> Self {
         let (sender, keys) = bounded(64);
-        let is_open = Arc::new(AtomicBool::new(true));
-        let wanted = Arc::clone(&is_open);
+        let is_wanted = Arc::new(AtomicBool::new(true));
+        let wanted = Arc::clone(&is_wanted);
         std::thread::spawn(move || listen(&mut Terminal, meaning, &wanted, &sender));
         Self {
             keys,
-            is_open: Some(is_open),
+            is_wanted,
+            _terminal: terminal,
         }
     }
 }
 
 impl<K> Keyboard<K> {
+    /// What keys meant. It is disconnected when the terminal is gone.
     pub(super) const fn keys(&self) -> &Receiver<K> {
         &self.keys
     }
-
-    pub(super) const fn is_there(&self) -> bool {
-        self.is_open.is_some()
-    }
 }
 
-/// Passes on what keys mean until nobody wants it any more, or the terminal is gone.
-fn listen<K>(
-    source: &mut impl Source,
-    meaning: fn(&TerminalEvent) -> Option<K>,
-    wanted: &AtomicBool,
-    sender: &Sender<K>,
-) {
+/// Passes on what keys mean until nobody wants it any more, or the terminal is gone. It waits for whoever is slow to take
+/// them: none is lost, least of all one that lets go.
+fn listen<K>(source: &mut impl Source, mut meaning: impl Meaning<K>, wanted: &AtomicBool, sender: &Sender<K>) {
+    let began = Instant::now();
     while wanted.load(Ordering::Relaxed) {
         let Ok(event) = source.next(POLL) else { return };
-        if let Some(key) = event.as_ref().and_then(meaning) {
-            // Nobody waits for keys that do not fit.
-            let _ = sender.try_send(key);
+        let now = Nanos::try_from(began.elapsed().as_nanos()).unwrap_or(Nanos::MAX);
+        if let Some(key) = meaning.hear(now, event.as_ref())
+            && sender.send(key).is_err()
+        {
+            return;
         }
     }
 }
 
 impl<K> Drop for Keyboard<K> {
     fn drop(&mut self) {
-        if let Some(is_open) = &self.is_open {
-            is_open.store(false, Ordering::Relaxed);
-            // A terminal that is gone needs no repair.
-            let _ = execute!(io::stderr(), DisableFocusChange);
-            let _ = terminal::disable_raw_mode();
-        }
+        self.is_wanted.store(false, Ordering::Relaxed);
     }
 }
 
@@ -127,7 +107,7 @@ fn down(event: &TerminalEvent) -> Option<&KeyEvent> {
     }
 }
 
-fn is_quit(key: &KeyEvent) -> bool {
+pub(super) fn is_quit(key: &KeyEvent) -> bool {
     match key.code {
         KeyCode::Char('c') => key.modifiers.contains(KeyModifiers::CONTROL),
         KeyCode::Char('q') | KeyCode::Esc => true,
@@ -135,8 +115,16 @@ fn is_quit(key: &KeyEvent) -> bool {
     }
 }
 
-/// What a key means while a session is played.
-pub(super) fn playing(event: &TerminalEvent) -> Option<Key> {
+/// Each key for itself, while a session is played.
+pub(super) struct Playing;
+
+impl Meaning<Key> for Playing {
+    fn hear(&mut self, _: Nanos, event: Option<&TerminalEvent>) -> Option<Key> {
+        event.and_then(playing)
+    }
+}
+
+fn playing(event: &TerminalEvent) -> Option<Key> {
     let key = down(event)?;
     if is_quit(key) {
         return Some(Key::Quit);
@@ -158,21 +146,6 @@ pub(super) fn playing(event: &TerminalEvent) -> Option<Key> {
         KeyCode::End => Event::End,
         _ => return None,
     }))
-}
-
-/// What a key means while a robot is driven: only one holds the deadman, and whatever else happens lets go of it.
-pub(super) fn driving(event: &TerminalEvent) -> Option<DriveKey> {
-    if *event == TerminalEvent::FocusLost {
-        return Some(DriveKey::Wish(Wish::Stop));
-    }
-    let key = down(event)?;
-    Some(match key.code {
-        _ if is_quit(key) => DriveKey::Quit,
-        // A key that repeats was not pressed anew.
-        KeyCode::Enter if key.kind == KeyEventKind::Press => DriveKey::Wish(Wish::Go),
-        KeyCode::Enter => return None,
-        _ => DriveKey::Wish(Wish::Stop),
-    })
 }
 
 #[cfg(test)]
@@ -203,11 +176,11 @@ mod tests {
         TerminalEvent::Key(KeyEvent::new_with_kind(code, KeyModifiers::NONE, kind))
     }
 
-    fn heard<K>(script: Vec<TerminalEvent>, meaning: fn(&TerminalEvent) -> Option<K>) -> Vec<K> {
+    fn heard(script: Vec<TerminalEvent>) -> Vec<Key> {
         let (sender, keys) = bounded(64);
         listen(
             &mut Script(script.into_iter()),
-            meaning,
+            Playing,
             &AtomicBool::new(true),
             &sender,
         );
@@ -245,35 +218,15 @@ mod tests {
         .map(Key::Player)
         .to_vec();
         wanted.push(Key::Quit);
-        assert_eq!(heard(script, playing), wanted);
+        assert_eq!(heard(script), wanted);
     }
 
     #[test]
     fn ctrl_c_ends_it_although_the_terminal_is_raw() {
-        let script = || {
-            vec![
-                press(KeyCode::Char('c'), KeyModifiers::CONTROL),
-                plain(KeyCode::Char('c')),
-            ]
-        };
-        assert_eq!(heard(script(), playing), [Key::Quit]);
-        assert_eq!(heard(script(), driving), [DriveKey::Quit, DriveKey::Wish(Wish::Stop)]);
-    }
-
-    #[test]
-    fn one_key_holds_the_deadman_and_every_other_lets_go() {
         let script = vec![
-            plain(KeyCode::Enter),
-            of_kind(KeyCode::Enter, KeyEventKind::Repeat),
-            of_kind(KeyCode::Enter, KeyEventKind::Release),
-            plain(KeyCode::Char(' ')),
-            plain(KeyCode::Char('x')),
-            TerminalEvent::FocusLost,
-            TerminalEvent::FocusGained,
-            plain(KeyCode::Esc),
+            press(KeyCode::Char('c'), KeyModifiers::CONTROL),
+            plain(KeyCode::Char('c')),
         ];
-        let stop = DriveKey::Wish(Wish::Stop);
-        let wanted = [DriveKey::Wish(Wish::Go), stop, stop, stop, DriveKey::Quit];
-        assert_eq!(heard(script, driving), wanted);
+        assert_eq!(heard(script), [Key::Quit]);
     }
 }

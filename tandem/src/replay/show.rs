@@ -1,14 +1,16 @@
 //! The player in its shell: clock, keys, session file, target.
 
+use std::io;
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, never, select};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use tandem_link::Clock;
+use tandem_operator::keyboard::RawTerminal;
 use tandem_recorder::{Place, Recorded, Reel};
 use tandem_wire::{Nanos, Stamp, Topic, seconds};
 
-use super::keyboard::{self, Key, Keyboard};
+use super::keyboard::{self, Key, Keyboard, Playing};
 use super::player::{Event, Output, Player, Speed};
 use super::report::Report;
 use super::target::Target;
@@ -51,8 +53,10 @@ impl<'a> Show<'a> {
         let bar = ProgressBar::with_draw_target(Some(player.end() / 1_000_000), ProgressDrawTarget::stderr());
         let style = ProgressStyle::with_template("{bar:40} {msg}");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        let keyboard = is_live.then(|| Keyboard::open(keyboard::playing));
-        if keyboard.as_ref().is_some_and(Keyboard::is_there) {
+        // Without a terminal it plays all the same.
+        let terminal = is_live.then(|| RawTerminal::open(io::stderr()).ok()).flatten();
+        let keyboard = terminal.map(|terminal| Keyboard::listen(terminal, Playing));
+        if keyboard.is_some() {
             eprintln!("{}\r", keyboard::HELP);
         }
         Self {

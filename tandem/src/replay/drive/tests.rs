@@ -236,6 +236,34 @@ fn a_robot_that_vanishes_ends_it_in_words() {
 }
 
 #[test]
+fn a_terminal_that_vanishes_lets_go_and_ends_it() {
+    let rig = Rig::start("hung-up");
+    let (sender, keys) = unbounded();
+    let mut sender = Some(sender);
+    let settings = Configuration::default().replay;
+    let mut driver = Driver::new(bow(Vec3::ZERO), settings, 1000, Clock::of_process().now());
+    let observer = Observer::new(&rig.edge, Pace::Real).expect("an observer");
+    let mut go = go_once();
+    let ending = drive(&rig.parts, &rig.remote, &mut driver, &keys, &never(), &mut |driver| {
+        if let Some(keys) = &sender {
+            go(driver, keys);
+        }
+        if driver.position() > SECOND / 2 {
+            sender = None;
+        }
+    });
+    let gone = ending.expect_err("nobody holds it").to_string();
+    assert!(gone.contains("the terminal has gone"), "{gone}");
+    rig.robot.stop();
+    rig.arbiter.stop();
+    let commands = commands(&observer);
+    assert!(commands.iter().any(|command| command.deadman != Deadman::Released));
+    let last = commands.last().expect("commands");
+    assert_eq!(last.deadman, Deadman::Released);
+    rig.end();
+}
+
+#[test]
 fn another_operator_is_not_talked_over() {
     let rig = Rig::start("taken");
     let other = rig.parts.operator(&rig.edge, |_| {}).expect("an operator");
