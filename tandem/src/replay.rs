@@ -10,6 +10,7 @@ mod report;
 mod show;
 mod target;
 
+use std::io::{self, IsTerminal as _};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -39,7 +40,7 @@ pub(crate) struct ReplayFlags {
     more: Vec<PathBuf>,
     /// Executes every node again from its own journal and compares each output byte for byte, instead of playing. Exit
     /// code 0: identical; 1: a node diverged; 3: the recording is incomplete.
-    #[arg(long, conflicts_with_all = ["speed", "from", "until", "repeats", "topics", "view", "rrd", "robot", "listen", "connect"])]
+    #[arg(long, conflicts_with_all = ["speed", "from", "until", "repeats", "paused", "topics", "view", "rrd", "robot", "listen", "connect"])]
     verify: bool,
     /// Notes the verdict beside the session file, as SESSION.verdict.json, where `tandem session info` finds it.
     #[arg(long, requires = "verify")]
@@ -56,7 +57,10 @@ pub(crate) struct ReplayFlags {
     /// Begins again at the end.
     #[arg(long = "loop")]
     repeats: bool,
-    /// Plays these topics only, as in state,scene.
+    /// Waits at the beginning, until a key lets it go on or step.
+    #[arg(long, conflicts_with = "rrd")]
+    paused: bool,
+    /// Plays these topics only, as in state,scene. Nothing that a robot obeys is published.
     #[arg(long, value_name = "TOPICS", value_delimiter = ',', value_parser = topic)]
     topics: Vec<Topic>,
     /// Publishes a topic under another name, as in state=ghost-state.
@@ -71,10 +75,10 @@ pub(crate) struct ReplayFlags {
     /// Writes a Rerun recording instead.
     #[arg(long, value_name = "PATH", conflicts_with_all = ["view", "repeats", "robot", "listen", "connect"])]
     rrd: Option<PathBuf>,
-    /// Drives the live robot --robot NAME along the recorded path, while somebody at this terminal holds the deadman: the
-    /// path of the tool, through that robot's own arbiter and limits. A robot that stands elsewhere is first eased in or
+    /// Drives the live robot --robot NAME along the recorded path, while somebody at this terminal holds the deadman, the
+    /// space bar, down: the path of the tool, through that robot's own arbiter and limits. A robot that stands elsewhere is first eased in or
     /// refused; see `[replay]` in the configuration.
-    #[arg(long, conflicts_with_all = ["verify", "repeats", "topics", "rename", "view", "rrd"])]
+    #[arg(long, conflicts_with_all = ["verify", "repeats", "paused", "topics", "rename", "view", "rrd"])]
     drive: bool,
     /// Prints the summary as one JSON object.
     #[arg(long)]
@@ -137,6 +141,7 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
         let between: Vec<&Recorded> = between.map(|(message, _)| message).collect();
         return drive::run(flags, &recording, &between, &interrupted);
     }
+    fits(flags)?;
     let (recording, reel) = session::open(&flags.session, &flags.more)?;
     session::warn(&recording);
     let timing = session::timing(&recording);
@@ -155,10 +160,11 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
             Speed::PerMille(1000)
         }),
         repeats: flags.repeats,
+        paused: flags.paused,
     };
     let player = Player::new(instants, plan, Stamp(0));
     if player.is_empty() {
-        bail!("there is nothing to play: no message of these topics lies between --from and --until");
+        bail!("{}", nothing(flags, &recording));
     }
     let Some(target) = open(flags, &recording, timing, &interrupted)? else {
         return Ok(Outcome::Failed);
@@ -175,6 +181,46 @@ pub(crate) fn run(flags: &ReplayFlags) -> anyhow::Result<Outcome> {
         Report { lost: 1.., .. } => Outcome::SamplesLost,
         Report { .. } => Outcome::Done,
     })
+}
+
+/// Refuses flags of which nothing would be seen.
+fn fits(flags: &ReplayFlags) -> Result<(), BadConfiguration> {
+    let refuse = |why: String| Err(BadConfiguration::Conflict(why));
+    if flags.paused && !(io::stdin().is_terminal() && io::stderr().is_terminal()) {
+        return refuse("--paused needs a terminal: without keys it would never go on".to_owned());
+    }
+    let hidden = |topic: &&Topic| flags.node.is_network() && !target::SHOWN.contains(topic);
+    let renamed = flags.rename.iter().map(|(topic, _)| topic);
+    if let Some(topic) = flags.topics.iter().chain(renamed.clone()).find(hidden) {
+        return refuse(format!(
+            "{topic} is not published: a replay says nothing that a robot obeys. Choose from {}, or see it in a viewer, \
+             without --robot, --listen and --connect",
+            target::SHOWN.map(Topic::suffix).join(", ")
+        ));
+    }
+    let left_out = |topic: &&Topic| !flags.topics.is_empty() && !flags.topics.contains(topic);
+    if let Some(topic) = renamed.clone().find(left_out) {
+        return refuse(format!(
+            "--rename names {topic}, and --topics leaves it out: add it there"
+        ));
+    }
+    Ok(())
+}
+
+/// Why there is nothing to play.
+fn nothing(flags: &ReplayFlags, recording: &Recording<Place>) -> String {
+    let is_there = |topic: &Topic| recording.messages.iter().any(|message| message.topic == *topic);
+    let there = PLAYED.into_iter().filter(is_there).map(Topic::suffix);
+    let chosen = flags.topics.iter().map(|topic| topic.suffix());
+    if flags.topics.is_empty() || flags.topics.iter().any(is_there) {
+        "there is nothing to play: no message of these topics lies between --from and --until".to_owned()
+    } else {
+        format!(
+            "there is nothing to play: the session has no {}; it has {}",
+            chosen.collect::<Vec<_>>().join(", "),
+            there.collect::<Vec<_>>().join(", ")
+        )
+    }
 }
 
 /// A session that ends by then is short enough for the index of its Rerun recording to be kept in memory.

@@ -246,3 +246,21 @@ fn from_and_until_count_from_the_sessions_beginning_whatever_topics_are_played()
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("1 messages played"), "{said}");
 }
+
+#[test]
+fn what_would_not_be_published_is_refused_and_what_can_be_is_named() {
+    let shown = "state, proposal, forecast, scene, trial";
+    for (flags, wanted) in [
+        (&["--rename", "command=x"][..], shown),
+        (&["--topics", "setpoint"], shown),
+        (&["--topics", "scene", "--rename", "state=x"], "--topics leaves it out"),
+        (&["--paused"], "--paused needs a terminal"),
+    ] {
+        let (code, said) = ended(replay(&[&["--robot", "ghost"], flags].concat()));
+        assert_eq!(code, Some(2), "{said}");
+        assert!(said.contains(wanted), "{said}");
+    }
+    let (code, said) = ended(replay(&["--topics", "estop", "--rrd", "unwritten.rrd"]));
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("the session has no estop; it has command, "), "{said}");
+}

@@ -13,7 +13,8 @@ use tandem_wire::Nanos;
 use super::player::Event;
 
 /// What the keys mean while a session is played, for the screen.
-pub(super) const HELP: &str = "space pause · ←/→ 1 s · shift 10 s · ,/. step · +/− speed · home/end · q quit";
+pub(super) const HELP: &str = "space pause · ←/→ 1 s · shift 10 s · 0–9 tenths · home/end · ,/. step · +/− speed\r\n\
+    l loop · [ from here · ] until here · backspace the whole again · q quit";
 /// How often the thread looks whether it is still wanted, and a meaning whether time has changed it.
 const POLL: Duration = Duration::from_millis(20);
 const SECOND: i64 = 1_000_000_000;
@@ -142,6 +143,11 @@ fn playing(event: &TerminalEvent) -> Option<Key> {
         KeyCode::Char(',') => Event::StepBack,
         KeyCode::Char('+' | '=') | KeyCode::Up => Event::Faster,
         KeyCode::Char('-') | KeyCode::Down => Event::Slower,
+        KeyCode::Char('l') => Event::ToggleLoop,
+        KeyCode::Char('[') => Event::FromHere,
+        KeyCode::Char(']') => Event::UntilHere,
+        KeyCode::Backspace => Event::Whole,
+        KeyCode::Char(letter) => Event::Tenth(u8::try_from(letter.to_digit(10)?).ok()?),
         KeyCode::Home => Event::Home,
         KeyCode::End => Event::End,
         _ => return None,
@@ -197,6 +203,12 @@ mod tests {
             plain(KeyCode::Char(',')),
             plain(KeyCode::Char('+')),
             plain(KeyCode::Char('-')),
+            plain(KeyCode::Char('l')),
+            plain(KeyCode::Char('[')),
+            plain(KeyCode::Char(']')),
+            plain(KeyCode::Backspace),
+            plain(KeyCode::Char('0')),
+            plain(KeyCode::Char('9')),
             plain(KeyCode::Home),
             plain(KeyCode::End),
             plain(KeyCode::Char('x')),
@@ -212,6 +224,12 @@ mod tests {
             Event::StepBack,
             Event::Faster,
             Event::Slower,
+            Event::ToggleLoop,
+            Event::FromHere,
+            Event::UntilHere,
+            Event::Whole,
+            Event::Tenth(0),
+            Event::Tenth(9),
             Event::Home,
             Event::End,
         ]

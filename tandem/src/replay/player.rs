@@ -42,6 +42,8 @@ pub(crate) struct Plan {
     pub speed: Speed,
     /// Whether it begins again at the end.
     pub repeats: bool,
+    /// Whether it waits at the beginning until somebody wants it to go on.
+    pub paused: bool,
 }
 
 /// What can happen.
@@ -57,10 +59,20 @@ pub(crate) enum Event {
     StepBack,
     /// Go this far, in nanoseconds.
     SeekBy(i64),
+    /// Go to this tenth of what is played.
+    Tenth(u8),
     /// Go to the beginning.
     Home,
     /// Go to the end, and pause there.
     End,
+    /// From now on begin again at the end, or no longer.
+    ToggleLoop,
+    /// What is played begins here.
+    FromHere,
+    /// What is played ends here. A loop begins again at once; otherwise it pauses here.
+    UntilHere,
+    /// The whole session is played.
+    Whole,
     /// The next higher speed.
     Faster,
     /// The next lower speed.
@@ -101,15 +113,18 @@ impl Player {
         let last = instants.last().copied().unwrap_or(0);
         let until = plan.until.min(last);
         let from = plan.from.min(until);
-        let range = instants.partition_point(|at| *at < plan.from)..instants.partition_point(|at| *at <= plan.until);
-        // Turned around or beyond the end, they leave nothing to play.
-        let range = range.start..range.end.max(range.start);
+        let range = range(&instants, plan.from, plan.until);
+        let state = if plan.paused {
+            State::Paused { at: from }
+        } else {
+            State::Running { since: now, at: from }
+        };
         Self {
             next: range.start,
             instants,
             range,
             plan: Plan { from, until, ..plan },
-            state: State::Running { since: now, at: from },
+            state,
         }
     }
 
@@ -157,6 +172,16 @@ impl Player {
         self.next
     }
 
+    /// From when until when it plays, if that is not the whole session.
+    pub(crate) fn part(&self) -> Option<(Nanos, Nanos)> {
+        let (from, until) = (self.plan.from, self.plan.until);
+        (from > 0 || until < self.end()).then_some((from, until))
+    }
+
+    pub(crate) const fn repeats(&self) -> bool {
+        self.plan.repeats
+    }
+
     pub(crate) const fn speed(&self) -> Speed {
         self.plan.speed
     }
@@ -187,10 +212,27 @@ impl Player {
                 self.state = State::Paused { at };
             }
             Event::SeekBy(distance) => self.seek(now, self.position(now).saturating_add_signed(distance), outputs),
+            Event::Tenth(tenth) => {
+                let length = self.plan.until.saturating_sub(self.plan.from);
+                self.seek(now, self.plan.from + length / 10 * u64::from(tenth), outputs);
+            }
             Event::Home => self.seek(now, self.plan.from, outputs),
             Event::End => {
                 self.seek(now, self.plan.until, outputs);
                 self.state = State::Paused { at: self.plan.until };
+            }
+            Event::ToggleLoop => self.plan.repeats = !self.plan.repeats,
+            Event::FromHere => {
+                self.play_between(self.position(now), self.plan.until);
+            }
+            Event::UntilHere => {
+                let at = self.position(now);
+                if self.play_between(self.plan.from, at) && !self.plan.repeats {
+                    self.state = State::Paused { at };
+                }
+            }
+            Event::Whole => {
+                self.play_between(0, self.end());
             }
             Event::Faster | Event::Slower => self.change_speed(now, event == Event::Faster),
         }
@@ -241,6 +283,21 @@ impl Player {
         self.state = State::Running { since, at };
         self.next = self.range.start;
         outputs.push(Output::Jumped { to: self.next });
+    }
+
+    /// Whether there is anything to play between these two; otherwise all stays as it is.
+    fn play_between(&mut self, from: Nanos, until: Nanos) -> bool {
+        let range = range(&self.instants, from, until);
+        if range.is_empty() {
+            return false;
+        }
+        self.range = range;
+        self.plan = Plan {
+            from,
+            until,
+            ..self.plan
+        };
+        true
     }
 
     fn step_on(&mut self, now: Stamp, outputs: &mut Vec<Output>) {
@@ -305,6 +362,12 @@ impl Player {
             (State::Paused { .. } | State::Ended, _) => Stamp(u64::MAX),
         }
     }
+}
+
+/// The messages at these instants, none if they are turned around or beyond the end.
+fn range(instants: &[Nanos], from: Nanos, until: Nanos) -> Range<usize> {
+    let start = instants.partition_point(|at| *at < from);
+    start..instants.partition_point(|at| *at <= until).max(start)
 }
 
 #[cfg(test)]

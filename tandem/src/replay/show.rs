@@ -132,11 +132,13 @@ impl<'a> Show<'a> {
         let Some(message) = self.fetch(index)? else {
             return Ok(());
         };
+        self.target.play(message)?;
+        // After that, so that what the target took for it counts.
         if self.late.len() < LATE_KEPT {
             self.late.push(self.clock.now().since(due));
         }
         self.played += 1;
-        self.target.play(message)
+        Ok(())
     }
 
     fn fetch(&mut self, index: usize) -> anyhow::Result<Option<Recorded>> {
@@ -177,16 +179,9 @@ impl<'a> Show<'a> {
     }
 
     fn draw(&self) {
-        let at = self.player.position(self.clock.now());
-        let speed = match self.player.speed() {
-            _ if self.player.is_paused() => "paused".to_owned(),
-            Speed::Max => "max".to_owned(),
-            Speed::PerMille(speed) => format!("× {}", f64::from(speed) / 1000.0),
-        };
-        self.bar.set_position(at / 1_000_000);
-        let length = self.bar.length().unwrap_or(0);
-        self.bar
-            .set_message(format!("{:.1} of {:.1} s  {speed}", seconds(at), length as f64 * 1e-3));
+        let now = self.clock.now();
+        self.bar.set_position(self.player.position(now) / 1_000_000);
+        self.bar.set_message(status(&self.player, now));
     }
 
     /// Closes the target and says how it went.
@@ -203,5 +198,46 @@ impl<'a> Show<'a> {
             was_there: closing.was_there,
             late: self.late,
         }
+    }
+}
+
+/// Where it is, how fast, and which part is played how often.
+fn status(player: &Player, now: Stamp) -> String {
+    let speed = match player.speed() {
+        _ if player.is_paused() => "paused".to_owned(),
+        Speed::Max => "max".to_owned(),
+        Speed::PerMille(speed) => format!("× {}", f64::from(speed) / 1000.0),
+    };
+    let part = player.part().map_or_else(String::new, |(from, until)| {
+        format!("  [{:.1}, {:.1}]", seconds(from), seconds(until))
+    });
+    let repeats = if player.repeats() { "  loop" } else { "" };
+    let (at, end) = (seconds(player.position(now)), seconds(player.end()));
+    format!("{at:.1} of {end:.1} s  {speed}{part}{repeats}")
+}
+
+#[cfg(test)]
+mod tests {
+    use tandem_wire::SECOND;
+
+    use super::*;
+    use crate::replay::player::Plan;
+
+    #[test]
+    fn the_line_says_which_part_is_played_and_whether_it_loops() {
+        let plan = Plan {
+            from: 0,
+            until: u64::MAX,
+            speed: Speed::PerMille(500),
+            repeats: false,
+            paused: false,
+        };
+        let mut player = Player::new(vec![0, 2 * SECOND, 9 * SECOND], plan, Stamp(0));
+        assert_eq!(status(&player, Stamp(SECOND)), "0.5 of 9.0 s  × 0.5");
+        for event in [Event::FromHere, Event::ToggleLoop, Event::Toggle] {
+            player.step(Stamp(2 * SECOND), event, &mut Vec::new());
+        }
+        let line = status(&player, Stamp(3 * SECOND));
+        assert_eq!(line, "1.0 of 9.0 s  paused  [1.0, 9.0]  loop");
     }
 }

@@ -243,8 +243,10 @@ fn a_terminal_that_vanishes_lets_go_and_ends_it() {
     let settings = Configuration::default().replay;
     let mut driver = Driver::new(bow(Vec3::ZERO), settings, 1000, Clock::of_process().now());
     let observer = Observer::new(&rig.edge, Pace::Real).expect("an observer");
-    let mut go = go_once();
+    let mut go = keep_going();
+    let limit = Instant::now() + Duration::from_secs(30);
     let ending = drive(&rig.parts, &rig.remote, &mut driver, &keys, &never(), &mut |driver| {
+        assert!(Instant::now() < limit, "{:?}", driver.phase());
         if let Some(keys) = &sender {
             go(driver, keys);
         }

@@ -10,6 +10,7 @@ fn plan(speed: u32) -> Plan {
         until: u64::MAX,
         speed: Speed::PerMille(speed),
         repeats: false,
+        paused: false,
     }
 }
 
@@ -222,4 +223,71 @@ fn a_change_of_speed_goes_on_from_where_it_is() {
         player.step(now, Event::Slower, &mut Vec::new());
     }
     assert_eq!(player.speed(), Speed::PerMille(100));
+}
+
+#[test]
+fn begun_paused_it_plays_nothing_until_somebody_wants_it() {
+    let mut player = player(Plan {
+        paused: true,
+        ..plan(1000)
+    });
+    player.begin(Stamp(2000 * MS));
+    assert_eq!((player.is_paused(), player.deadline()), (true, None));
+    player.step(Stamp(3000 * MS), Event::Toggle, &mut Vec::new());
+    assert_eq!(player.deadline(), Some(Stamp(3000 * MS)));
+}
+
+#[test]
+fn a_loop_can_be_begun_and_left_while_it_plays() {
+    let mut player = player(plan(1000));
+    player.step(Stamp(1000 * MS), Event::ToggleLoop, &mut Vec::new());
+    assert_eq!(played(&mut player, 5)[4], (0, 30), "it begins again");
+    player.step(Stamp(1031 * MS), Event::ToggleLoop, &mut Vec::new());
+    assert_eq!(played(&mut player, 9), [(1, 40), (2, 40), (3, 60)], "and then no more");
+}
+
+#[test]
+fn from_here_and_until_here_leave_a_part_and_the_whole_comes_back() {
+    let mut player = Player::new((0..10).map(|i| i * 10 * MS).collect(), plan(1000), Stamp(0));
+    let mut outputs = Vec::new();
+    player.step(Stamp(25 * MS), Event::FromHere, &mut outputs);
+    player.step(Stamp(61 * MS), Event::UntilHere, &mut outputs);
+    assert_eq!(player.part(), Some((25 * MS, 61 * MS)));
+    assert!(player.is_paused(), "so that one can look at it, and it does not end");
+    player.step(Stamp(70 * MS), Event::Home, &mut outputs);
+    player.step(Stamp(70 * MS), Event::End, &mut outputs);
+    assert_eq!(outputs, [Output::Jumped { to: 3 }, Output::Jumped { to: 7 }]);
+    player.step(Stamp(80 * MS), Event::Whole, &mut outputs);
+    assert_eq!(player.part(), None);
+}
+
+#[test]
+fn a_loop_until_here_begins_again_at_once() {
+    let mut player = Player::new((0..10).map(|i| i * 10 * MS).collect(), plan(1000), Stamp(0));
+    let mut outputs = Vec::new();
+    player.step(Stamp(15 * MS), Event::Wake, &mut outputs);
+    player.step(Stamp(15 * MS), Event::ToggleLoop, &mut outputs);
+    player.step(Stamp(15 * MS), Event::UntilHere, &mut outputs);
+    outputs.clear();
+    player.step(Stamp(15 * MS), Event::Wake, &mut outputs);
+    assert_eq!(outputs, [Output::Jumped { to: 0 }]);
+}
+
+#[test]
+fn a_part_without_any_message_is_not_chosen() {
+    let mut player = player(plan(1000));
+    let now = Stamp(1015 * MS);
+    player.step(now, Event::FromHere, &mut Vec::new());
+    player.step(now, Event::UntilHere, &mut Vec::new());
+    assert_eq!(player.part(), Some((15 * MS, 30 * MS)));
+}
+
+#[test]
+fn digits_go_to_the_tenths_of_what_is_played() {
+    let mut player = Player::new((0..=100).map(|i| i * MS).collect(), plan(1000), Stamp(0));
+    let mut outputs = Vec::new();
+    player.step(Stamp(0), Event::Tenth(7), &mut outputs);
+    player.step(Stamp(0), Event::FromHere, &mut outputs);
+    player.step(Stamp(0), Event::Tenth(5), &mut outputs);
+    assert_eq!(outputs, [Output::Jumped { to: 70 }, Output::Jumped { to: 85 }]);
 }
