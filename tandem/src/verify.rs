@@ -44,7 +44,7 @@ pub(crate) fn run(path: &Path, more: &[PathBuf], json: bool, note: bool) -> anyh
         println!("{}", report.as_table());
     }
     Ok(match report.findings.overall() {
-        Overall::Identical => Outcome::Done,
+        Overall::Identical | Overall::Close => Outcome::Done,
         Overall::Diverged => Outcome::Failed,
         Overall::Incomplete => Outcome::Incomplete,
     })

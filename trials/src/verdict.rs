@@ -19,8 +19,10 @@ pub struct Findings {
 /// All verdicts taken together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Overall {
-    /// Every node answered as it had, or within ε of it.
+    /// Every node answered as it had, byte for byte.
     Identical,
+    /// Every node answered as it had, at least one of them only within ε.
+    Close,
     /// At least one node answered otherwise.
     Diverged,
     /// Nothing diverged, but not everything could be executed.
@@ -157,6 +159,8 @@ impl Findings {
             || any(|verdict| matches!(verdict, Verdict::Incomplete(_)))
         {
             Overall::Incomplete
+        } else if any(|verdict| matches!(verdict, Verdict::Close { .. })) {
+            Overall::Close
         } else {
             Overall::Identical
         }
@@ -170,16 +174,20 @@ impl Findings {
 }
 
 impl Overall {
-    /// One word.
+    /// A word or three.
     #[must_use]
     pub const fn as_str(self) -> &'static str {
         match self {
             Self::Identical => "identical",
+            Self::Close => CLOSE,
             Self::Diverged => "diverged",
             Self::Incomplete => "incomplete",
         }
     }
 }
+
+/// What a run and a session are called that are the same but for numbers that hardly differ.
+const CLOSE: &str = "equal within ε";
 
 impl Divergence {
     /// The fields that differ, in the order of the message; none if the difference is none of fields.
@@ -205,7 +213,7 @@ impl Verdict {
     pub const fn as_str(&self) -> &'static str {
         match self {
             Self::Identical => "identical",
-            Self::Close { .. } => "equal within ε",
+            Self::Close { .. } => CLOSE,
             Self::Diverged(_) => "diverged",
             Self::Incomplete(_) => "incomplete",
         }

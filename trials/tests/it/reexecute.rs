@@ -199,6 +199,7 @@ fn a_changed_number_is_close_or_diverged_by_how_much_it_changed() {
         }
         other => panic!("{other:?}"),
     }
+    assert_eq!(found(whole(&entries)).overall(), Overall::Close, "not identical");
     edit(&mut entries[at], |state| state.tool.position.x += 1e-3);
     let Verdict::Diverged(divergence) = verdict(whole(&entries)) else {
         panic!("a millimetre is a difference");
