@@ -26,7 +26,7 @@ use zenoh::query::{ConsolidationMode, Query, QueryTarget, Queryable};
 use crate::Clock;
 use crate::config::ClockSettings;
 use crate::net::{Link, LinkError, declare};
-pub use estimator::{Estimate, Estimator, Exchange, Taken, WINDOW};
+pub use estimator::{DRIFT_PPM, Estimate, Estimator, Exchange, Taken, WINDOW};
 use peers::Peers;
 pub use probe::measure_clocks;
 

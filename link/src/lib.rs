@@ -54,8 +54,8 @@ pub mod yardstick;
 
 pub use arrival::Arrival;
 pub use clock::{Clock, fresh_session};
-pub use clocks::{Estimate, Estimator, Exchange, Taken, WINDOW, measure_clocks};
-pub use config::{ClockSettings, LinkSettings, LoopSettings, TaskSettings};
+pub use clocks::{DRIFT_PPM, Estimate, Estimator, Exchange, Taken, WINDOW, measure_clocks};
+pub use config::{ClockSettings, LinkSettings, LoopSettings, PaceName, TaskSettings};
 pub use dropped::Dropped;
 pub use faults::Faults;
 pub use impairment::{Direction, Impairment, ImpairmentSettings, Impairments, LineSettings};

@@ -23,7 +23,7 @@ mod spool;
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Seek};
 
-use tandem_wire::{Header, Nanos, NodeName, RobotName, Stamp, Topic};
+use tandem_wire::{Header, Nanos, NodeName, RobotName, Session, Stamp, Topic};
 
 use crate::heard::Level;
 use crate::tally::Counts;
@@ -31,7 +31,7 @@ use crate::tally::Counts;
 pub use damage::{Damage, ReadError};
 use gathering::Gathering;
 pub use reel::{Place, Reel, ReelError};
-pub use repair::{RepairError, Repaired, repair};
+pub use repair::{Repair, RepairError, Repaired, repair};
 
 /// A session as its file holds it; of each message `B` is kept: its bytes, or the [`Place`] where they stand.
 #[derive(Clone, Debug, Default)]
@@ -48,6 +48,8 @@ pub struct Recording<B = Vec<u8>> {
     pub models: BTreeMap<String, Vec<u8>>,
     /// Every message that can be played, by arrival; equal arrivals in the order of the file.
     pub messages: Vec<Recorded<B>>,
+    /// What the recorder said of its peers' clocks, by arrival.
+    pub offsets: Vec<OffsetRead>,
     /// What the recorder noted for people.
     pub notes: Vec<Noted>,
     /// Every channel of the file.
@@ -89,6 +91,19 @@ pub struct NodeRecord {
     pub config: String,
     /// SHA-256 of its model, in hexadecimal digits, if it has one.
     pub model_sha256: Option<String>,
+}
+
+/// How far a sender's clock was from the recorder's at some moment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OffsetRead {
+    /// When the recorder said so, by its own clock.
+    pub at: Stamp,
+    /// The sender's run.
+    pub session: Session,
+    /// The sender's clock less the recorder's, in nanoseconds.
+    pub offset: i64,
+    /// At most how far off that was.
+    pub uncertainty: Nanos,
 }
 
 /// A line for people.

@@ -10,7 +10,7 @@
 //!
 //! However unequal the two ways are, the true offset lies in `o ± d/2`: the ping cannot have arrived before it left, nor
 //! the answer. Waiting in queues makes `d` long and `o` wrong together, so the shortest of the last [`WINDOW`] exchanges is
-//! the best one, and what it may be off by is known. As it grows old, the clocks may drift apart by [`DRIFT`]; an older
+//! the best one, and what it may be off by is known. As it grows old, the clocks may drift apart by [`DRIFT_PPM`]; an older
 //! exchange gives way once that outweighs its short trip.
 //!
 //! Two ranges that do not meet cannot both be right: then a clock has jumped, and what was known before is forgotten.
@@ -23,7 +23,7 @@ use tandem_wire::{Nanos, Stamp};
 pub const WINDOW: usize = 32;
 /// How fast two clocks may drift apart, in parts per million: two cheap crystals in a warm and a cold room, with room to
 /// spare.
-const DRIFT: u64 = 100;
+pub const DRIFT_PPM: u64 = 100;
 
 /// One ping and its answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,7 +150,7 @@ impl Sample {
 
     /// Half the round trip, rounded up, as division by two rounds the offset; and the drift since, at least a nanosecond.
     const fn uncertainty(&self, now: Stamp) -> Nanos {
-        let drift = now.since(self.at) / (1_000_000 / DRIFT);
+        let drift = now.since(self.at) / (1_000_000 / DRIFT_PPM);
         (self.round_trip / 2 + 1).saturating_add(drift)
     }
 

@@ -7,7 +7,7 @@ use tandem_wire::{Happening, Header, JournalBatch, Nanos, NodeName, Seq, Session
 
 use super::damage::Damage;
 use super::records::Spot;
-use super::{ChannelRead, Keep, NodeRecord, Noted, Place, Recorded, Recording, protobuf};
+use super::{ChannelRead, Keep, NodeRecord, Noted, OffsetRead, Place, Recorded, Recording, protobuf};
 use crate::heard::JournalPart;
 use crate::session_file::{COUNTS, JOURNAL_ENCODING, PART};
 use crate::tally::Tally;
@@ -51,6 +51,7 @@ struct Known {
 enum Kind {
     Message(Topic),
     Journal(NodeName),
+    Clocks,
     Log,
     Other,
 }
@@ -90,6 +91,7 @@ impl<B: Keep> Gathering<B> {
         let kind = match parsed {
             Some((_, Topic::Journal(node))) if channel.message_encoding == JOURNAL_ENCODING => Kind::Journal(node),
             Some((_, topic)) if is_played(topic) => Kind::Message(topic),
+            Some((_, Topic::Clock(NodeName::Recorder))) => Kind::Clocks,
             None if channel.topic.starts_with(keys::ROOT) && channel.topic.ends_with("/log") => Kind::Log,
             _ => Kind::Other,
         };
@@ -136,9 +138,19 @@ impl<B: Keep> Gathering<B> {
                 }
             }
             Kind::Journal(node) => self.journal(node, spot, data),
+            Kind::Clocks => {
+                // The epoch may not be known yet: made relative at the end.
+                let at = Stamp(header.log_time);
+                let offsets = protobuf::clocks(data).map(|(session, offset, uncertainty)| OffsetRead {
+                    at,
+                    session,
+                    offset,
+                    uncertainty,
+                });
+                self.recording.offsets.extend(offsets);
+            }
             Kind::Log => {
                 let (level, about, text) = protobuf::log_line(data);
-                // The epoch may not be known yet: made relative at the end.
                 let at = Stamp(header.log_time);
                 self.recording.notes.push(Noted { at, level, about, text });
             }
@@ -235,6 +247,9 @@ impl<B: Keep> Gathering<B> {
         let epoch = self.recording.epoch_unix_nanos;
         for note in &mut self.recording.notes {
             note.at.0 = note.at.0.saturating_sub(epoch);
+        }
+        for offset in &mut self.recording.offsets {
+            offset.at.0 = offset.at.0.saturating_sub(epoch);
         }
         self.recording.damage = damage;
         let without_body = self.join(epoch);

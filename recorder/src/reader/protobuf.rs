@@ -1,6 +1,6 @@
-//! As much of protobuf as it takes to find a message's header and a log line's words.
+//! As much of protobuf as it takes to find a message's header, a peer's clock and a log line's words.
 
-use tandem_wire::{Header, Seq, Session, Stamp};
+use tandem_wire::{Header, Nanos, Seq, Session, Stamp};
 
 use crate::heard::Level;
 
@@ -63,6 +63,31 @@ pub(crate) fn header(message: &[u8]) -> Option<Header> {
         }
     }
     Some(header)
+}
+
+/// A `ClockReport`: of each peer its run, its clock less the reporter's and how uncertain that is, in nanoseconds.
+pub(super) fn clocks(message: &[u8]) -> impl Iterator<Item = (Session, i64, Nanos)> {
+    let peers = fields(message).filter_map(|field| match field {
+        (3, Value::Bytes(peer)) => Some(peer),
+        _ => None,
+    });
+    peers.map(|peer| {
+        let mut read = (Session::default(), 0, 0);
+        for field in fields(peer) {
+            match field {
+                (2, Value::Number(session)) => read.0 = Session(session),
+                (3, Value::Number(offset)) => read.1 = signed(offset),
+                (4, Value::Number(uncertainty)) => read.2 = uncertainty,
+                _ => {}
+            }
+        }
+        read
+    })
+}
+
+/// A `sint64`: numbers near zero are short on either side of it.
+const fn signed(zigzag: u64) -> i64 {
+    (zigzag >> 1).cast_signed() ^ -((zigzag & 1).cast_signed())
 }
 
 /// A `foxglove.Log`: how much it matters, who it is about, the words.

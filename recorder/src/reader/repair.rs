@@ -41,12 +41,36 @@ pub enum RepairError {
     Write(#[from] McapError),
 }
 
-/// Writes what can be read of `file` to `to`: channels, messages, metadata and attachments as they are; behind them those
-/// of the `kept` parts of journals that the file lacks.
+/// Writes what can be read of `file`, a whole session, to `to`: see [`Repair::part`].
 ///
 /// # Errors
 /// If `file` is no MCAP file, or `to` cannot be written.
-pub fn repair<W: Write + Seek>(
+pub fn repair<W: Write + Seek>(file: impl Read + Seek, kept: &[JournalPart], to: W) -> Result<Repaired, RepairError> {
+    Repair::default().part(file, kept, to)
+}
+
+/// Mends the files of one session, which together say what of its journals is lacking.
+#[derive(Default)]
+pub struct Repair(Coverage);
+
+impl Repair {
+    /// Writes what can be read of `file` to `to`: channels, messages, metadata and attachments as they are; behind them
+    /// those of the `kept` parts of journals that neither it nor the files before it have.
+    ///
+    /// # Errors
+    /// If `file` is no MCAP file, or `to` cannot be written.
+    pub fn part<W: Write + Seek>(
+        &mut self,
+        file: impl Read + Seek,
+        kept: &[JournalPart],
+        to: W,
+    ) -> Result<Repaired, RepairError> {
+        mend(&mut self.0, file, kept, to)
+    }
+}
+
+fn mend<W: Write + Seek>(
+    coverage: &mut Coverage,
     mut file: impl Read + Seek,
     kept: &[JournalPart],
     to: W,
@@ -61,7 +85,7 @@ pub fn repair<W: Write + Seek>(
         schemas: BTreeMap::new(),
         channels: BTreeMap::new(),
         journals: BTreeMap::new(),
-        coverage: Coverage::default(),
+        coverage,
         last: 0,
         messages: 0,
         left_out: 0,
@@ -84,14 +108,14 @@ pub fn repair<W: Write + Seek>(
     })
 }
 
-struct Copy<W: Write + Seek> {
+struct Copy<'a, W: Write + Seek> {
     writer: mcap::Writer<W>,
     /// The old file's numbers and the new file's.
     schemas: BTreeMap<u16, u16>,
     channels: BTreeMap<u16, u16>,
     /// The new file's numbers of the journals' channels.
     journals: BTreeMap<u16, NodeName>,
-    coverage: Coverage,
+    coverage: &'a mut Coverage,
     /// The last arrival.
     last: Nanos,
     messages: u64,
@@ -99,7 +123,7 @@ struct Copy<W: Write + Seek> {
     failed: Option<McapError>,
 }
 
-impl<W: Write + Seek> Copy<W> {
+impl<W: Write + Seek> Copy<'_, W> {
     fn take(&mut self, record: Record<'_>) {
         if self.failed.is_none() {
             self.failed = self.write(record).err();

@@ -5,11 +5,12 @@ use std::io::Cursor;
 use crate::script::{Sample, record, session};
 use proptest::prelude::*;
 use tandem_recorder::{
-    Counts, Damage, Drops, JournalPart, Output, PartsReader, Place, Provenance, ReadError, Recorded, Recording, Reel,
-    ReelError, SessionFile, repair,
+    Counts, Damage, Drops, JournalPart, OffsetRead, Output, PartsReader, Place, Provenance, ReadError, Recorded,
+    Recording, Reel, ReelError, SessionFile, repair,
 };
 use tandem_wire::{
-    Happening, JournalBatch, JournalEntry, NodeName, Numbering, Session, Stamp, Timing, Topic, codec, encode,
+    ClockReport, Happening, JournalBatch, JournalEntry, NodeName, Numbering, PeerClock, Session, Stamp, Timing, Topic,
+    codec, encode,
 };
 
 const EPOCH: u64 = 1_760_000_000_000_000_000;
@@ -67,6 +68,49 @@ fn written(samples: &[Sample]) -> Vec<u8> {
 fn played(samples: &[Sample]) -> Vec<&Sample> {
     let played = |sample: &&Sample| !matches!(sample.topic, Topic::Journal(_) | Topic::Info(_));
     samples.iter().filter(played).collect()
+}
+
+#[test]
+fn what_the_recorder_said_of_its_peers_clocks_comes_back_with_when() {
+    let mut samples = samples();
+    let at = samples.last().expect("a script").at;
+    let peer = |session, offset| PeerClock {
+        node: NodeName::RobotSim,
+        session: Session(session),
+        offset,
+        uncertainty: 150_000,
+        round_trip: 300_000,
+        round_trip_median: 310_000,
+        round_trip_worst: 900_000,
+        samples: 32,
+        steps: 0,
+        skew: -5,
+        is_skewed: false,
+    };
+    let report = ClockReport {
+        peers: vec![peer(u64::MAX, -1_500_000_000), peer(6, 7)],
+    };
+    for node in [NodeName::Recorder, NodeName::Arbiter] {
+        let mut bytes = Vec::new();
+        encode(
+            &Numbering::new(Session(800)).envelope(at, 0, report.clone()),
+            &mut bytes,
+        );
+        let topic = Topic::Clock(node);
+        samples.push(Sample { at, topic, bytes });
+    }
+    let recording = Recording::read(&written(&samples)).unwrap();
+    let read = |session, offset| OffsetRead {
+        at,
+        session: Session(session),
+        offset,
+        uncertainty: 150_000,
+    };
+    assert_eq!(
+        recording.offsets,
+        [read(u64::MAX, -1_500_000_000), read(6, 7)],
+        "and not what others said of theirs"
+    );
 }
 
 #[test]

@@ -1,11 +1,13 @@
 //! Tables of a session: true times, units in the names of the columns, as CSV or Parquet.
 //!
 //! `state`, `setpoint`, `command` and `proposal` have one row per message; `ticks` has one row per control period with
-//! the last message of each kind in it. `lease` and `estop` have a row for each press, where there was one. `captured_s` is the sender's own stamp, on the sender's clock (in lockstep
-//! `tick · period`); `received_s` is the arrival on the recorder's clock. What does not exist in a row, such as guidance
-//! before the first forecast, is left empty, never zero.
+//! the last message of each kind in it. `lease` and `estop` have a row for each press, where there was one. `captured_s`
+//! is the sender's own stamp, on the sender's clock (in lockstep `tick · period`); `captured_session_s` is the same moment
+//! on the recorder's clock, as `received_s`, the arrival, is. What does not exist in a row, such as guidance before the
+//! first forecast, is left empty, never zero.
 
 mod columns;
+mod context;
 mod parquet;
 mod row;
 
@@ -19,6 +21,8 @@ use indicatif::{ProgressBar, ProgressDrawTarget};
 use tandem_recorder::{Recorded, Recording};
 use tandem_wire::{Session, Topic};
 
+use super::timing;
+use context::Context;
 use row::{Cell, Row};
 
 /// The messages that have tables, in the order of the columns of `ticks`.
@@ -42,13 +46,14 @@ pub(super) fn write(recording: &Recording, format: Format, folder: &Path) -> any
         let mut messages = recording.messages.iter();
         messages.any(|message| message.topic == *topic)
     });
+    let context = Context::of(recording, timing(recording).pace);
     for topic in TABLES.into_iter().chain(presses) {
         let of_topic = recording.messages.iter().filter(|message| message.topic == topic);
         // What was heard was decodable; a journal that says otherwise has nothing for a table.
-        let rows = of_topic.filter_map(|message| columns::row(message, recording.epoch_unix_nanos));
+        let rows = of_topic.filter_map(|message| columns::row(message, &context));
         table(format, folder, &topic.suffix().replace('/', "_"), rows, &bar)?;
     }
-    table(format, folder, "ticks", ticks(recording), &bar)?;
+    table(format, folder, "ticks", ticks(recording, &context), &bar)?;
     bar.finish_and_clear();
     Ok(())
 }
@@ -107,15 +112,14 @@ fn quoted(cell: &str) -> String {
 }
 
 /// One row per control period: the last message of each kind that belongs to it.
-fn ticks(recording: &Recording) -> impl Iterator<Item = Row> + '_ {
-    let epoch = recording.epoch_unix_nanos;
+fn ticks<'a>(recording: &'a Recording, context: &'a Context) -> impl Iterator<Item = Row> + 'a {
     let by_tick = by_tick(&recording.messages);
     // A kind that is missing in a period still has its columns.
     let mut empty = BTreeMap::new();
     for messages in by_tick.values() {
         for message in messages.values() {
             if let std::collections::btree_map::Entry::Vacant(slot) = empty.entry(message.topic)
-                && let Some(row) = columns::row(message, epoch)
+                && let Some(row) = columns::row(message, context)
             {
                 slot.insert(row.emptied());
             }
@@ -126,7 +130,7 @@ fn ticks(recording: &Recording) -> impl Iterator<Item = Row> + '_ {
         row.count("tick", u64::from(tick));
         for topic in TABLES {
             let Some(empty) = empty.get(&topic) else { continue };
-            let of_message = messages.get(&topic).and_then(|message| columns::row(message, epoch));
+            let of_message = messages.get(&topic).and_then(|message| columns::row(message, context));
             row.append(&topic.suffix(), of_message.unwrap_or_else(|| empty.clone()));
         }
         row

@@ -5,10 +5,11 @@ use tandem_wire::{
     Claim, Command, Deadman, Emergency, Label, Law, Proposal, Setpoint, State, Topic, Used, Wish, decode, seconds,
 };
 
+use super::context::Context;
 use super::row::Row;
 
-/// The message as a row; `None` for what has no table. `epoch` is the recorder's zero in nanoseconds since 1970.
-pub(super) fn row(message: &Recorded, epoch: u64) -> Option<Row> {
+/// The message as a row; `None` for what has no table.
+pub(super) fn row(message: &Recorded, context: &Context) -> Option<Row> {
     let mut row = Row::default();
     let header = &message.header;
     row.count("tick", u64::from(header.tick));
@@ -16,10 +17,21 @@ pub(super) fn row(message: &Recorded, epoch: u64) -> Option<Row> {
     // A number beyond 2^53 that programs would round: the run's name is text.
     row.text("session", Some(format!("{:016x}", header.session.0)));
     row.number("captured_s", Some(header.sent.seconds()));
+    let time = context.session_time(message);
+    row.number("captured_session_s", time.map(|time| time.nanos as f64 * 1e-9));
+    row.number(
+        "captured_session_uncertainty_s",
+        time.map(|time| seconds(time.uncertainty)),
+    );
     row.number("received_s", Some(message.at.seconds()));
-    row.count("received_unix_ns", epoch.saturating_add(message.at.0));
+    row.count("received_unix_ns", context.epoch.saturating_add(message.at.0));
     match message.topic {
-        Topic::State => state(&mut row, &decode(&message.bytes).ok()?.body),
+        Topic::State => {
+            let body: State = decode(&message.bytes).ok()?.body;
+            row.count("trial", u64::from(body.trial));
+            row.text("trial_label", context.label(body.trial, message.at));
+            state(&mut row, &body);
+        }
         Topic::Setpoint => setpoint(&mut row, &decode(&message.bytes).ok()?.body),
         Topic::Command => command(&mut row, &decode(&message.bytes).ok()?.body),
         Topic::Proposal => {
@@ -104,7 +116,6 @@ fn setpoint(row: &mut Row, setpoint: &Setpoint) {
 }
 
 fn state(row: &mut Row, state: &State) {
-    row.count("trial", u64::from(state.trial));
     for (joint, angle) in (1..).zip(state.joints) {
         row.number(&format!("joint_{joint}_rad"), Some(angle.0));
     }
