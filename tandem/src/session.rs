@@ -4,17 +4,15 @@ mod export;
 mod family;
 mod info;
 mod kept;
+mod mend;
 mod stops;
 mod verdict;
 
-use std::fs::File;
-use std::io::{BufReader, BufWriter};
 use std::path::PathBuf;
 
-use anyhow::{Context as _, bail};
 use clap::{Args, Subcommand};
 use tandem_link::LoopSettings;
-use tandem_recorder::{Recording, repair};
+use tandem_recorder::Recording;
 use tandem_settings::Document;
 use tandem_wire::{Timing, Topic};
 
@@ -75,9 +73,12 @@ pub(crate) struct StopsFlags {
 
 #[derive(Args)]
 pub(crate) struct RepairFlags {
-    /// The session file; it is left as it is.
+    /// The session file; later parts of it beside it are repaired with it. All are left as they are.
     file: PathBuf,
-    /// The whole file [default: FILE with .repaired.mcap at the end].
+    /// Further parts of the same session, instead of those beside the first.
+    more: Vec<PathBuf>,
+    /// The whole file, and its later parts beside it as PATH_0002.mcap and so on [default: FILE with .repaired.mcap at the
+    /// end].
     #[arg(short, long, value_name = "PATH")]
     output: Option<PathBuf>,
     /// Merges what nodes kept of their journals in this folder (`link.spool`, or tandem-journals-… among the system's
@@ -114,7 +115,7 @@ pub(crate) fn run(command: &SessionCommands) -> anyhow::Result<Outcome> {
             let whole = stops::print(&evidence, flags.json)?;
             Ok(if whole { Outcome::Done } else { Outcome::Incomplete })
         }
-        SessionCommands::Repair(flags) => mend(flags),
+        SessionCommands::Repair(flags) => mend::run(flags),
         SessionCommands::Export(flags) => {
             let recording = family::load(&flags.file, &flags.more)?;
             warn(&recording);
@@ -142,45 +143,4 @@ pub(crate) fn timing<B>(recording: &Recording<B>) -> Timing {
         document.section::<LoopSettings>().ok()
     });
     settings.unwrap_or_default().timing()
-}
-
-fn mend(flags: &RepairFlags) -> anyhow::Result<Outcome> {
-    let damaged = File::open(&flags.file).with_context(|| format!("cannot read {}", flags.file.display()))?;
-    let kept = flags.spool.as_deref().map(kept::read).transpose()?.unwrap_or_default();
-    let to = flags
-        .output
-        .clone()
-        .unwrap_or_else(|| flags.file.with_extension("repaired.mcap"));
-    // A new file only: the damaged one may be all there is.
-    let file = File::create_new(&to).with_context(|| format!("cannot create {}", to.display()))?;
-    let repaired = match repair(BufReader::new(damaged), &kept, BufWriter::new(file)) {
-        Ok(repaired) => repaired,
-        Err(error) => {
-            // Nothing worth keeping; if even this fails, an empty file stays.
-            let _ = std::fs::remove_file(&to);
-            return Err(error).with_context(|| format!("cannot repair {}", flags.file.display()));
-        }
-    };
-    if repaired.messages == 0 {
-        let _ = std::fs::remove_file(&to);
-        bail!("{} holds no messages that could be read", flags.file.display());
-    }
-    for damage in &repaired.damage {
-        eprintln!("session: {damage}");
-    }
-    if let Some(folder) = &flags.spool {
-        eprintln!(
-            "session: {} entries of journals were lacking and come from {}",
-            repaired.merged,
-            folder.display()
-        );
-    }
-    if repaired.strange > 0 {
-        eprintln!(
-            "session: {} kept parts belong to other sessions; they are left out",
-            repaired.strange
-        );
-    }
-    println!("{}: {} messages", to.display(), repaired.messages);
-    Ok(Outcome::Done)
 }

@@ -71,11 +71,11 @@ fn info_says_what_the_session_was() {
         .and_then(|state| state["rate_hz"].as_f64())
         .expect("states have a rate");
     assert!((rate - 10.0).abs() < 0.5, "{rate} per second of the session's time");
-    let stops = info["stops"].as_array().expect("stops");
-    assert!(
-        stops.iter().any(|stop| stop["reason"] == "the deadman is released"),
-        "{stops:?}"
-    );
+    let released = |list: &str| {
+        let list = info[list].as_array().expect("a list");
+        list.iter().any(|stop| stop["reason"] == "the deadman is released")
+    };
+    assert!(released("holds") && !released("stops"), "letting go is no stop: {info}");
     let people = tandem(&["session", "info", text(&session())]);
     assert!(String::from_utf8_lossy(&people.stdout).contains("goal reached"));
 }
@@ -120,6 +120,14 @@ fn every_table_has_a_row_for_every_message() {
     let column = |name: &str| names.iter().position(|other| *other == name).expect("the column");
     let second: Vec<_> = state.lines().nth(2).expect("tick 1").split(',').collect();
     assert_eq!((second[column("tick")], second[column("captured_s")]), ("1", "0.1"));
+    let session_time = ["captured_session_s", "captured_session_uncertainty_s"].map(|name| second[column(name)]);
+    assert_eq!(
+        session_time,
+        ["0.1", "0"],
+        "in lockstep every stamp is the session's time"
+    );
+    let last: Vec<_> = state.lines().last().expect("rows").split(',').collect();
+    assert_eq!((last[column("trial")], last[column("trial_label")]), ("1", "demo"));
     assert!(
         second[column("tool_x_m")]
             .parse::<f64>()
@@ -402,6 +410,31 @@ fn the_parts_of_a_session_are_played_verified_and_described_together() {
     assert!(damage.iter().all(is_tail), "it can be read alone: {damage:?}");
     assert_eq!(alone["trials"][0]["label"], "demo", "and knows its trial");
     assert_eq!(alone["model_sha256"], info["model_sha256"]);
+}
+
+#[test]
+fn the_parts_of_a_session_are_repaired_together_and_what_is_none_is_left_out() {
+    let (folder, path) = parts();
+    let second = folder.path().join("demo_0002.mcap");
+    let whole = std::fs::read(&second).expect("a part");
+    std::fs::write(&second, &whole[..whole.len() - 64]).expect("a part without its end");
+    let before = json(&tandem(&["session", "info", text(&path), "--json"]));
+    assert_ne!(before["damage"], serde_json::json!([]));
+    let third = folder.path().join("demo_0003.mcap");
+    let repair = tandem(&["session", "repair", text(&path)]);
+    assert!(repair.status.success(), "{}", String::from_utf8_lossy(&repair.stderr));
+    let repaired = folder.path().join("demo.repaired.mcap");
+    let after = json(&tandem(&["session", "info", text(&repaired), "--json"]));
+    assert_eq!(after["channels"], before["channels"], "all of what could be read");
+    // And with a part that is nothing.
+    std::fs::write(&third, b"").expect("a file");
+    let to = folder.path().join("again.mcap");
+    let repair = tandem(&["session", "repair", text(&path), "--output", text(&to)]);
+    assert_eq!(repair.status.code(), Some(1), "something was left out");
+    let said = String::from_utf8_lossy(&repair.stderr);
+    assert!(said.contains("demo_0003.mcap is left out"), "{said}");
+    assert!(to.exists() && folder.path().join("again_0002.mcap").exists());
+    assert!(!folder.path().join("again_0003.mcap").exists());
 }
 
 #[test]

@@ -47,10 +47,10 @@ fn json(recording: &Recording, facts: &Facts, verdict: &Known) -> Value {
         json!({"number": trial.number, "label": trial.label, "begin_s": trial.begin_s, "end_s": trial.end_s,
             "outcome": trial.outcome})
     });
-    let stops = facts
-        .stops
-        .iter()
-        .map(|stop| json!({"at_s": stop.at_s, "by": stop.by, "reason": stop.reason}));
+    let stops = |stops: &[Stop]| -> Value {
+        let stop = |stop: &Stop| json!({"at_s": stop.at_s, "by": stop.by, "reason": stop.reason});
+        stops.iter().map(stop).collect()
+    };
     json!({
         "robot": recording.robot.as_ref().map(tandem_wire::RobotName::as_str),
         "duration_s": facts.duration_s,
@@ -74,7 +74,8 @@ fn json(recording: &Recording, facts: &Facts, verdict: &Known) -> Value {
         "latency": facts.hops.iter().map(HopRead::json).collect::<Vec<_>>(),
         "closed": facts.is_closed,
         "dropped_before_file": facts.dropped,
-        "stops": stops.collect::<Vec<_>>(),
+        "stops": stops(&facts.stops),
+        "holds": stops(&facts.holds),
         "leases": events(&facts.leases),
         "emergency_stops": events(&facts.emergencies),
         "trouble": facts.trouble,
@@ -109,6 +110,7 @@ fn text(recording: &Recording, facts: &Facts, verdict: &Known) -> String {
             .map(|event| ("emergency stop", event_row(event))),
     );
     rows.extend(stop_rows(&facts.stops).into_iter().map(|row| ("stops", row)));
+    rows.extend(stop_rows(&facts.holds).into_iter().map(|row| ("held", row)));
     rows.extend(gap_rows(recording).into_iter().map(|row| ("missing", row)));
     rows.extend(facts.hops.iter().map(|hop| ("latency", hop.row())));
     rows.extend(clock_rows(facts).into_iter().map(|row| ("clock", row)));

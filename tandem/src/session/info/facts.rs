@@ -15,6 +15,8 @@ pub(super) struct Facts {
     pub(super) model: Option<String>,
     pub(super) trials: Vec<TrialRead>,
     pub(super) stops: Vec<Stop>,
+    /// When motion was held in the course of things: the deadman was released, no trial ran.
+    pub(super) holds: Vec<Stop>,
     /// Who was given the lease when.
     pub(super) leases: Vec<Event>,
     /// Emergency stops and their ends.
@@ -64,13 +66,15 @@ impl Facts {
             said.unwrap_or("unknown").to_owned()
         };
         let is_paced = timing(recording).pace == Pace::Real;
+        let (stops, holds) = stops(recording);
         Self {
             duration_s: duration_s(recording),
             build: of_nodes(|node| &node.build),
             seed: of_nodes(|node| &node.seed),
             model: recording.nodes.values().find_map(|node| node.model_sha256.clone()),
             trials: trials(recording),
-            stops: stops(recording),
+            stops,
+            holds,
             leases: events(recording, "arbiter", "the lease"),
             emergencies: events(recording, "operator", "emergency stop"),
             trouble: trouble(recording),
@@ -148,8 +152,9 @@ fn duration_s(recording: &Recording) -> f64 {
     seconds(last.saturating_sub(first))
 }
 
-/// Stops with their reasons, and contact, which is worse.
-fn stops(recording: &Recording) -> Vec<Stop> {
+/// Stops with their reasons, and contact, which is worse; what merely held motion in the course of things is told apart,
+/// as the recorder told it.
+fn stops(recording: &Recording) -> (Vec<Stop>, Vec<Stop>) {
     let start = start_s(recording);
     // Who pressed an emergency stop is told apart from the nodes that obeyed it.
     let is_contact = |note: &Noted| note.level == Level::Error && note.about == "robot-sim";
@@ -159,7 +164,13 @@ fn stops(recording: &Recording) -> Vec<Stop> {
         by: note.about.clone(),
         reason: note.text.strip_prefix("stop: ").unwrap_or(&note.text).to_owned(),
     };
-    recording.notes.iter().filter(is_stop).map(stop).collect()
+    let (held, stopped): (Vec<_>, Vec<_>) = recording
+        .notes
+        .iter()
+        .filter(is_stop)
+        .partition(|note| note.level == Level::Info);
+    let all = |notes: Vec<&Noted>| notes.into_iter().map(stop).collect();
+    (all(stopped), all(held))
 }
 
 /// The notes about a node that speak of this.
@@ -194,4 +205,37 @@ pub(super) fn missed(recording: &Recording, key: &str) -> Option<u64> {
     }
     let count = recording.counts.streams.iter().find(|count| count.topic == topic)?;
     Some(count.missed)
+}
+
+#[cfg(test)]
+mod tests {
+    use tandem_wire::Stamp;
+
+    use super::*;
+
+    #[test]
+    fn letting_go_of_the_deadman_is_no_stop() {
+        let note = |level, text: &str| Noted {
+            at: Stamp(0),
+            level,
+            about: "arbiter".into(),
+            text: text.into(),
+        };
+        let recording = Recording {
+            notes: vec![
+                note(Level::Info, "stop: the deadman is released"),
+                note(Level::Warning, "stop: the operator's commands stopped 300 ms ago"),
+                note(Level::Error, "stop: emergency stop"),
+                note(Level::Info, "motion is permitted by press 1"),
+            ],
+            ..Recording::default()
+        };
+        let (stops, holds) = stops(&recording);
+        let reasons = |stops: Vec<Stop>| stops.into_iter().map(|stop| stop.reason).collect::<Vec<_>>();
+        assert_eq!(
+            reasons(stops),
+            ["the operator's commands stopped 300 ms ago", "emergency stop"]
+        );
+        assert_eq!(reasons(holds), ["the deadman is released"]);
+    }
 }
