@@ -8,8 +8,11 @@ use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
-use tandem_link::{Clock, Link, Observer, Running, Sighting};
+use tandem_link::{Clock, Link, Observer, PaceName, Running, Sighting};
+use tandem_operator::SourceKind;
 use tandem_recorder::{Closed, Sinks};
+use tandem_settings::Choice as _;
+use tandem_trials::what_if::LawChoice;
 use tandem_trials::{Configuration, Measures, Tracer};
 use tandem_wire::{JournalBatch, NodeName, Pace, Topic, Trial, decode};
 
@@ -37,13 +40,13 @@ enum PaceFlag {
     Max,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum LawFlag {
-    Adaptive,
-    Fixed,
-    Human,
-    Robot,
-    Attentive,
+impl From<PaceFlag> for PaceName {
+    fn from(flag: PaceFlag) -> Self {
+        match flag {
+            PaceFlag::Real => Self::Real,
+            PaceFlag::Max => Self::Max,
+        }
+    }
 }
 
 #[derive(Args)]
@@ -51,9 +54,10 @@ pub(crate) struct DemoFlags {
     /// What drives time.
     #[arg(long, value_enum, default_value = "real")]
     pace: PaceFlag,
-    /// How human and robot share the command.
-    #[arg(long, value_enum)]
-    law: Option<LawFlag>,
+    /// How human and robot share the command: adaptive, attentive, fixed, human, robot, or constant=W with the human's
+    /// weight W [default: the configuration's].
+    #[arg(long, value_name = "LAW")]
+    law: Option<LawChoice>,
     /// Seed of the simulated human.
     #[arg(long)]
     seed: Option<u64>,
@@ -125,17 +129,18 @@ fn configuration(flags: &DemoFlags) -> anyhow::Result<Configuration> {
     if let Some(folder) = session.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
     }
-    let name = |flag: &dyn std::fmt::Debug| format!("{flag:?}").to_lowercase();
     let mut overrides = flags.show.overrides(Some(&session));
     overrides.extend([
-        ("loop.pace", name(&flags.pace)),
-        ("operator.source", "simulated".to_owned()),
+        ("loop.pace", PaceName::from(flags.pace).name().to_owned()),
+        ("operator.source", SourceKind::Simulated.name().to_owned()),
         // A demo is short enough for its index to be kept in memory until the end.
         ("recorder.rrd_index", "true".to_owned()),
         // The same demo can be run again.
         ("recorder.overwrite", "true".to_owned()),
     ]);
-    overrides.extend(flags.law.map(|law| ("arbiter.law", name(&law))));
+    overrides.extend(flags.law.map(|choice| ("arbiter.law", choice.law.name().to_owned())));
+    let weight = flags.law.and_then(|choice| choice.weight);
+    overrides.extend(weight.map(|weight| ("arbiter.constant_weight", weight.to_string())));
     overrides.extend(flags.seed.map(|seed| ("loop.seed", seed.to_string())));
     Ok(configuration::load(&flags.common, &overrides)?)
 }
@@ -331,7 +336,7 @@ impl Report {
     fn as_json(&self) -> anyhow::Result<serde_json::Value> {
         let mut object = serde_json::to_value(&self.figures)?;
         let more = json!({
-            "law": format!("{:?}", self.configuration.arbiter.law).to_lowercase(),
+            "law": LawChoice::of(&self.configuration.arbiter).to_string(),
             "seed": self.configuration.rates.seed,
             "session_path": self.configuration.recorder.path,
             "rrd_path": self.configuration.recorder.rrd,

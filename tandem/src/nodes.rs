@@ -16,6 +16,7 @@ use anyhow::bail;
 use clap::{Args, ValueEnum};
 use tandem_link::{Link, Observer, Running, Sighting};
 use tandem_operator::{SourceKind, keyboard};
+use tandem_settings::Choice as _;
 use tandem_trials::Configuration;
 use tandem_wire::{NodeName, Trial};
 
@@ -130,9 +131,11 @@ pub(crate) struct RobotSimFlags {
 
 /// `tandem operator`.
 pub(crate) fn operator(flags: &OperatorFlags) -> anyhow::Result<Outcome> {
-    let source = flags
-        .source
-        .map(|source| ("operator.source", format!("{source:?}").to_lowercase()));
+    let source = flags.source.map(|source| match source {
+        SourceFlag::Simulated => SourceKind::Simulated,
+        SourceFlag::Keyboard => SourceKind::Keyboard,
+    });
+    let source = source.map(|source| ("operator.source", source.name().to_owned()));
     let configuration = flags.node.configuration(source.as_slice())?;
     if configuration.operator.source == SourceKind::Replayed {
         let why = "operator.source = \"replayed\" is what tandem replay --drive sets: use that command".to_owned();

@@ -30,7 +30,7 @@ pub(crate) struct WhatIfFlags {
     /// The model to meet [default: the session's].
     #[arg(long, value_name = "MODEL.cesn")]
     model: Option<PathBuf>,
-    /// Where to put the picture of both, what-if-LAW.rrd [default: beside the session file].
+    /// Where to put the picture of both, what-if-LAW.rrd, or what-if-LAW-MODEL.rrd with --model [default: beside the session file].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Prints the figures as one JSON object.

@@ -74,9 +74,11 @@ fn every_law_drives_to_the_goal() {
     let after = |law: &str| {
         let summary = demo(folder.path(), &format!("{law}.mcap"), &["--law", law]);
         assert_eq!(summary["reached_goal"], true, "{law}");
+        assert_eq!(summary["law"], law);
         summary["weight_mean_after"].as_f64().expect("a weight")
     };
     assert_eq!((after("human"), after("fixed"), after("robot")), (1.0, 0.5, 0.0));
+    assert!((after("constant=0.7") - 0.7).abs() < 1e-9);
 }
 
 #[test]

@@ -121,26 +121,18 @@ impl<N: Ports> Again<N> {
         index: u64,
         entry: &JournalEntry,
     ) -> Result<Taken, Missing> {
-        let input = match &entry.what {
-            Happening::Output { topic, bytes } => return Ok(self.confirm(index, *topic, bytes)),
+        Ok(match &entry.what {
+            Happening::Output { topic, bytes } => self.confirm(index, *topic, bytes),
             Happening::Snapshot { bytes } if self.node.is_none() => {
                 self.resume(build()?, index, bytes);
-                return Ok(Ok(()));
+                Ok(())
             }
-            Happening::Snapshot { bytes } => return Ok(self.compare_state(index, bytes)),
-            Happening::Sample { topic, bytes } => Input::Sample { topic: *topic, bytes },
-            Happening::Wake => Input::Wake,
-            Happening::Presence { peer, alive } => Input::Presence {
-                peer: *peer,
-                alive: *alive,
+            Happening::Snapshot { bytes } => self.compare_state(index, bytes),
+            what => match what.input() {
+                Some(input) => self.step(index, entry.at, input),
+                None => Ok(()),
             },
-            Happening::Stop => Input::Stop,
-            Happening::Missed { topic, tick } => Input::Missed {
-                topic: *topic,
-                tick: *tick,
-            },
-        };
-        Ok(self.step(index, entry.at, input))
+        })
     }
 
     /// Goes on from a snapshot. One that cannot be read is passed over: a later one may do.

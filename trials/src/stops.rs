@@ -154,20 +154,7 @@ fn follow(
 }
 
 fn step(node: &mut RobotSim, entry: &JournalEntry, now: &mut Option<Stamp>, watch: &mut Watch) {
-    let input = match &entry.what {
-        Happening::Sample { topic, bytes } => Input::Sample { topic: *topic, bytes },
-        Happening::Wake => Input::Wake,
-        Happening::Presence { peer, alive } => Input::Presence {
-            peer: *peer,
-            alive: *alive,
-        },
-        Happening::Stop => Input::Stop,
-        Happening::Missed { topic, tick } => Input::Missed {
-            topic: *topic,
-            tick: *tick,
-        },
-        Happening::Output { .. } | Happening::Snapshot { .. } => return,
-    };
+    let Some(input) = entry.what.input() else { return };
     if let Some(before) = now.replace(entry.at) {
         between(node, before, entry.at, watch);
     }

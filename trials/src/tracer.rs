@@ -155,12 +155,6 @@ impl Tracer {
         self.left || self.is_past(self.newest_state)
     }
 
-    /// Whether the trial has begun.
-    #[must_use]
-    pub const fn has_begun(&self) -> bool {
-        self.began.is_some()
-    }
-
     /// Control periods since the trial began.
     #[must_use]
     pub fn elapsed_ticks(&self) -> u32 {

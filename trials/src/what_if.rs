@@ -14,11 +14,10 @@
 //! says so to whoever reads the figures.
 
 mod human;
+mod law;
 
 use std::collections::BTreeMap;
-use std::fmt;
 use std::ops::ControlFlow;
-use std::str::FromStr;
 use std::sync::Arc;
 
 use tandem_arbiter::LawName;
@@ -30,6 +29,7 @@ use crate::reexecute::{configuration, models};
 use crate::world::{Player, Seat, World};
 use crate::{Blueprint, Configuration, Measures, Missing, Trace, Tracer, Unbuildable};
 use human::{RecordedHuman, first_state, last_word};
+pub use law::LawChoice;
 
 /// What no such comparison can know.
 pub const CAVEAT: &str = "the commands are those given to the original robot: in front of this one the human would have \
@@ -37,51 +37,6 @@ pub const CAVEAT: &str = "the commands are those given to the original robot: in
 /// What is besides this for the human alone.
 pub const HUMAN_ONLY_CAVEAT: &str = "under the law \"human\" the path is what these commands alone give, without the \
                                      corrections that a human who drives alone would make";
-
-/// A law by name, as in `fixed` or `constant=0.3`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LawChoice {
-    /// Which.
-    pub law: LawName,
-    /// The human's weight, for the constant law.
-    pub weight: Option<f64>,
-}
-
-impl FromStr for LawChoice {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let plain = |law| Ok(Self { law, weight: None });
-        match text {
-            "adaptive" => plain(LawName::Adaptive),
-            "fixed" => plain(LawName::Fixed),
-            "human" => plain(LawName::Human),
-            "robot" => plain(LawName::Robot),
-            "attentive" => plain(LawName::Attentive),
-            _ => {
-                let weight = text.strip_prefix("constant=").and_then(|weight| weight.parse().ok());
-                let weight: f64 = weight
-                    .filter(|weight| (0.0..=1.0).contains(weight))
-                    .ok_or("choose adaptive, attentive, fixed, human, robot, or constant=W with W from 0 to 1")?;
-                let (law, weight) = (LawName::Constant, Some(weight));
-                Ok(Self { law, weight })
-            }
-        }
-    }
-}
-
-impl fmt::Display for LawChoice {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match (self.law, self.weight) {
-            (LawName::Adaptive, _) => f.write_str("adaptive"),
-            (LawName::Fixed, _) => f.write_str("fixed"),
-            (LawName::Human, _) => f.write_str("human"),
-            (LawName::Robot, _) => f.write_str("robot"),
-            (LawName::Attentive, _) => f.write_str("attentive"),
-            (LawName::Constant, weight) => write!(f, "constant={}", weight.unwrap_or(0.5)),
-        }
-    }
-}
 
 /// What shall be otherwise.
 #[derive(Clone, Default)]
@@ -229,10 +184,7 @@ impl Cast {
         let arbiter = recorded(evidence, NodeName::Arbiter)?;
         let robot = recorded(evidence, NodeName::RobotSim)?;
         let mut settings = settings(NodeName::Arbiter, arbiter.1)?;
-        let law_then = LawChoice {
-            law: settings.arbiter.law,
-            weight: (settings.arbiter.law == LawName::Constant).then_some(settings.arbiter.constant_weight),
-        };
+        let law_then = LawChoice::of(&settings.arbiter);
         let law = change.law.unwrap_or(law_then);
         settings.arbiter.law = law.law;
         settings.arbiter.constant_weight = law.weight.unwrap_or(settings.arbiter.constant_weight);

@@ -59,6 +59,27 @@ pub enum Happening {
     },
 }
 
+impl Happening {
+    /// What the node was stepped with; `None` for what it answered, and what it carried.
+    #[must_use]
+    pub fn input(&self) -> Option<Input<'_>> {
+        Some(match self {
+            Self::Sample { topic, bytes } => Input::Sample { topic: *topic, bytes },
+            Self::Wake => Input::Wake,
+            Self::Presence { peer, alive } => Input::Presence {
+                peer: *peer,
+                alive: *alive,
+            },
+            Self::Stop => Input::Stop,
+            Self::Missed { topic, tick } => Input::Missed {
+                topic: *topic,
+                tick: *tick,
+            },
+            Self::Output { .. } | Self::Snapshot { .. } => return None,
+        })
+    }
+}
+
 impl From<Input<'_>> for Happening {
     fn from(input: Input<'_>) -> Self {
         match input {
@@ -104,4 +125,30 @@ pub struct JournalBatch {
 impl Message for JournalBatch {
     const KIND: u8 = Topic::Journal(NodeName::Operator).kind();
     const MAX_BYTES: usize = 1 << 22;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_input_comes_out_of_a_journal_as_it_went_in() {
+        let (topic, bytes) = (Topic::State, &[7_u8, 8][..]);
+        let inputs = [
+            Input::Sample { topic, bytes },
+            Input::Wake,
+            Input::Presence {
+                peer: NodeName::Arbiter,
+                alive: true,
+            },
+            Input::Stop,
+            Input::Missed { topic, tick: 3 },
+        ];
+        for input in inputs {
+            assert_eq!(Happening::from(input).input(), Some(input));
+        }
+        let bytes = bytes.to_vec();
+        assert_eq!(Happening::Snapshot { bytes: bytes.clone() }.input(), None);
+        assert_eq!(Happening::Output { topic, bytes }.input(), None);
+    }
 }

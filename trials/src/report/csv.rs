@@ -1,6 +1,7 @@
 //! The report as tables for other programs: SI units, a head line, `.` as the decimal point, empty for what is not.
 
 use super::Report;
+use super::comparison::{Answer, Comparison, StepTests};
 use super::quantities::QUANTITIES;
 
 /// A table with its file's name.
@@ -142,82 +143,83 @@ impl Report {
     }
 
     fn comparison_rows(&self) -> Vec<Vec<String>> {
-        let mut rows = vec![words(&[
-            "quantity",
-            "group",
-            "first",
-            "second",
-            "first_trials",
-            "second_trials",
-            "pairs",
-            "first_mean",
-            "second_mean",
-            "difference",
-            "difference_low",
-            "difference_high",
-            "d_z",
-            "d_z_low",
-            "d_z_high",
-            "rank_biserial",
-            "rank_biserial_low",
-            "rank_biserial_high",
-            "paired_t",
-            "paired_t_p",
-            "wilcoxon_w",
-            "wilcoxon_p",
-            "permutation_p",
-            "permutation_p_holm",
-            "first_steps",
-            "second_steps",
-            "steps_t",
-            "steps_t_p",
-            "steps_welch_t",
-            "steps_welch_p",
-            "steps_u",
-            "steps_u_p",
-            "steps_cohen_d",
-            "steps_autocorrelation",
-        ])];
+        let mut rows = vec![COMPARISON.iter().map(|(name, _)| (*name).to_owned()).collect()];
         for one in &self.comparisons {
-            let mut row = words(&[one.quantity, &one.group, &one.first, &one.second]);
-            row.extend([one.first_trials, one.second_trials, one.pairs].map(|count| count.to_string()));
-            row.extend([one.first_mean, one.second_mean].map(number));
-            for interval in [&one.difference, &one.d_z, &one.rank_biserial] {
-                let found = interval.found();
-                row.extend([found.map(|i| i.value), found.map(|i| i.low), found.map(|i| i.high)].map(number));
-            }
-            row.extend(
-                [
-                    one.paired_t.found().map(|test| test.t),
-                    one.paired_t.found().map(|test| test.p),
-                ]
-                .map(number),
-            );
-            row.extend(
-                [
-                    one.wilcoxon.found().map(|test| test.w),
-                    one.wilcoxon.found().map(|test| test.p),
-                ]
-                .map(number),
-            );
-            row.extend([one.permutation.found().map(|test| test.p), one.holm_p].map(number));
-            let steps = one.steps.as_ref();
-            row.extend(
-                [steps.map(|s| s.first_steps), steps.map(|s| s.second_steps)]
-                    .map(|n| n.map_or_else(String::new, |n| n.to_string())),
-            );
-            let student = steps.and_then(|steps| steps.student.found());
-            let welch = steps.and_then(|steps| steps.welch.found());
-            let u = steps.and_then(|steps| steps.mann_whitney.found());
-            row.extend([student.map(|test| test.t), student.map(|test| test.p)].map(number));
-            row.extend([welch.map(|test| test.t), welch.map(|test| test.p)].map(number));
-            row.extend([u.map(|test| test.u), u.map(|test| test.p)].map(number));
-            row.push(number(steps.and_then(|steps| steps.cohen_d.found()).copied()));
-            row.push(number(steps.and_then(|steps| steps.autocorrelation)));
-            rows.push(row);
+            rows.push(COMPARISON.iter().map(|(_, cell)| cell(one)).collect());
         }
         rows
     }
+}
+
+/// A column: what it is called, and what stands in it.
+type Column<T> = (&'static str, fn(&T) -> String);
+
+/// The columns of a comparison.
+const COMPARISON: [Column<Comparison>; 34] = [
+    ("quantity", |one| one.quantity.to_owned()),
+    ("group", |one| one.group.clone()),
+    ("first", |one| one.first.clone()),
+    ("second", |one| one.second.clone()),
+    ("first_trials", |one| one.first_trials.to_string()),
+    ("second_trials", |one| one.second_trials.to_string()),
+    ("pairs", |one| one.pairs.to_string()),
+    ("first_mean", |one| number(one.first_mean)),
+    ("second_mean", |one| number(one.second_mean)),
+    ("difference", |one| found(&one.difference, |i| i.value)),
+    ("difference_low", |one| found(&one.difference, |i| i.low)),
+    ("difference_high", |one| found(&one.difference, |i| i.high)),
+    ("d_z", |one| found(&one.d_z, |i| i.value)),
+    ("d_z_low", |one| found(&one.d_z, |i| i.low)),
+    ("d_z_high", |one| found(&one.d_z, |i| i.high)),
+    ("rank_biserial", |one| found(&one.rank_biserial, |i| i.value)),
+    ("rank_biserial_low", |one| found(&one.rank_biserial, |i| i.low)),
+    ("rank_biserial_high", |one| found(&one.rank_biserial, |i| i.high)),
+    ("paired_t", |one| found(&one.paired_t, |test| test.t)),
+    ("paired_t_p", |one| found(&one.paired_t, |test| test.p)),
+    ("wilcoxon_w", |one| found(&one.wilcoxon, |test| test.w)),
+    ("wilcoxon_p", |one| found(&one.wilcoxon, |test| test.p)),
+    ("permutation_p", |one| found(&one.permutation, |test| test.p)),
+    ("permutation_p_holm", |one| number(one.holm_p)),
+    ("first_steps", |one| {
+        of_steps(one, |steps| steps.first_steps.to_string())
+    }),
+    ("second_steps", |one| {
+        of_steps(one, |steps| steps.second_steps.to_string())
+    }),
+    ("steps_t", |one| {
+        of_steps(one, |steps| found(&steps.student, |test| test.t))
+    }),
+    ("steps_t_p", |one| {
+        of_steps(one, |steps| found(&steps.student, |test| test.p))
+    }),
+    ("steps_welch_t", |one| {
+        of_steps(one, |steps| found(&steps.welch, |test| test.t))
+    }),
+    ("steps_welch_p", |one| {
+        of_steps(one, |steps| found(&steps.welch, |test| test.p))
+    }),
+    ("steps_u", |one| {
+        of_steps(one, |steps| found(&steps.mann_whitney, |test| test.u))
+    }),
+    ("steps_u_p", |one| {
+        of_steps(one, |steps| found(&steps.mann_whitney, |test| test.p))
+    }),
+    ("steps_cohen_d", |one| {
+        of_steps(one, |steps| found(&steps.cohen_d, |d| *d))
+    }),
+    ("steps_autocorrelation", |one| {
+        of_steps(one, |steps| number(steps.autocorrelation))
+    }),
+];
+
+/// A figure of a test's result, if there is one.
+fn found<T>(answer: &Answer<T>, figure: fn(&T) -> f64) -> String {
+    number(answer.found().map(figure))
+}
+
+/// A cell about steps, where they were compared.
+fn of_steps(one: &Comparison, cell: fn(&StepTests) -> String) -> String {
+    one.steps.as_ref().map_or_else(String::new, cell)
 }
 
 fn words(words: &[&str]) -> Vec<String> {
