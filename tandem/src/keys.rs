@@ -209,8 +209,8 @@ fn revoke(flags: &RevokeFlags) -> Result<(), SiteError> {
     let member = authority.revoke(&flags.name, &flags.why)?;
     println!("{} ({}) is revoked", member.name, member.common_name);
     println!(
-        "it holds where the new {} is: copy it to every machine that listens. tandem router takes it up within seconds; \
-         a robot-sim or arbiter that listens must be started again",
+        "it holds where the new {} is: copy it to every machine that listens. Whoever listens there takes it up within \
+         seconds: the robot stops, all connections begin anew, and motion needs a running trial and a fresh press",
         roster(&flags.site.site)
     );
     Ok(())

@@ -10,6 +10,7 @@ mod demo;
 mod doctor;
 mod estop;
 mod forecast;
+mod gate;
 mod interrupt;
 mod keys;
 mod nodes;

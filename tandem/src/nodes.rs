@@ -245,10 +245,20 @@ fn serve(
     name: NodeName,
     start: fn(&Parts, &Link) -> anyhow::Result<Running>,
 ) -> anyhow::Result<Outcome> {
-    let Some(process) = Process::begin(parts, name)? else {
+    let Some(mut process) = Process::begin(parts, name)? else {
         return Ok(Outcome::Done);
     };
-    let running = start(parts, &process.link)?;
-    process.wait(&running);
-    process.end(running, name)
+    let mut running = start(parts, &process.link)?;
+    let mut lost = false;
+    while process.wait_for_roster(&running) {
+        eprintln!("{name}: site.toml has changed, so this node ends, at rest, and all connections begin anew");
+        lost |= matches!(process.end(running, name)?, Outcome::SamplesLost);
+        if !process.begin_anew(name)? {
+            return Ok(if lost { Outcome::SamplesLost } else { Outcome::Done });
+        }
+        // Another run, as after a start by hand: receivers take a session's numbers once and in order.
+        running = start(&parts.afresh()?, &process.link)?;
+    }
+    let ended = process.end(running, name)?;
+    Ok(if lost { Outcome::SamplesLost } else { ended })
 }

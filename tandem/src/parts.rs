@@ -49,6 +49,19 @@ impl Parts {
         Ok(Self::of(blueprint))
     }
 
+    /// The same nodes for another run.
+    ///
+    /// # Errors
+    /// As [`Parts::new`].
+    pub(crate) fn afresh(&self) -> anyhow::Result<Self> {
+        let (configuration, models) = (self.blueprint.configuration(), self.blueprint.models());
+        let blueprint = Blueprint::with_models(configuration.clone(), fresh_session(), models.to_vec());
+        Ok(Self {
+            blueprint: blueprint.map_err(BadConfiguration::from)?,
+            await_peers: self.await_peers.clone(),
+        })
+    }
+
     pub(crate) fn of(blueprint: Blueprint) -> Self {
         Self {
             blueprint,

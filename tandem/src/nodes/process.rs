@@ -1,14 +1,15 @@
 //! A process around one node: connected, and listening for Ctrl-C.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use crossbeam_channel::Receiver;
-use tandem_link::{JournalReport, Link, LinkSettings, Reach, Running};
+use tandem_link::{JournalReport, Link, Running};
 use tandem_site::Role;
 use tandem_wire::NodeName;
 
-use super::dialling::{connect, describe};
+use super::dialling::describe;
+use crate::gate::{Gate, LOOK};
 use crate::parts::Parts;
 use crate::{Outcome, interrupt};
 
@@ -19,29 +20,59 @@ pub(super) const POLL: Duration = Duration::from_millis(100);
 pub(super) struct Process {
     pub(super) link: Link,
     pub(super) interrupted: Receiver<()>,
+    gate: Gate,
 }
 
 impl Process {
     /// Connects, for as long as it takes; `None` if the user gave up first.
     pub(super) fn begin(parts: &Parts, name: NodeName) -> anyhow::Result<Option<Self>> {
-        let settings = parts.link_settings();
-        Self::begin_at(settings, &Reach::new(settings, Some(Role::of(name)))?, name)
+        Self::begin_as(parts, Role::of(name), name)
     }
 
-    /// The same as whoever `reach` says.
-    pub(super) fn begin_at(settings: &LinkSettings, reach: &Reach, name: NodeName) -> anyhow::Result<Option<Self>> {
+    /// The same with another role's certificate.
+    pub(super) fn begin_as(parts: &Parts, role: Role, name: NodeName) -> anyhow::Result<Option<Self>> {
         let interrupted = interrupt::catch()?;
-        eprintln!("{name}: {}", describe(settings, reach));
-        let Some(link) = connect(settings, reach, || interrupted.try_recv().is_ok())? else {
+        let settings = parts.link_settings();
+        let gate = Gate::new(settings, role)?;
+        eprintln!("{name}: {}", describe(settings, gate.reach()));
+        let Some(link) = gate.open(&interrupted)? else {
             return Ok(None);
         };
         eprintln!("{name}: ready, robot {:?}; Ctrl-C ends it", link.robot().as_str());
-        Ok(Some(Self { link, interrupted }))
+        Ok(Some(Self {
+            link,
+            interrupted,
+            gate,
+        }))
     }
 
     /// Runs until Ctrl-C, or until the node ends by itself.
     pub(super) fn wait(&self, running: &Running) {
         while !running.is_finished() && self.interrupted.recv_timeout(POLL).is_err() {}
+    }
+
+    /// Runs as [`Process::wait`] does, or until the roster has changed: then the node has to end and begin anew.
+    pub(super) fn wait_for_roster(&mut self, running: &Running) -> bool {
+        let mut next = Instant::now() + LOOK;
+        while !running.is_finished() && self.interrupted.recv_timeout(POLL).is_err() {
+            if Instant::now() >= next {
+                next = Instant::now() + LOOK;
+                if self.gate.look() {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// Opens the session again, by the roster of now; says whether it did, or the user gave up.
+    pub(super) fn begin_anew(&mut self, name: NodeName) -> anyhow::Result<bool> {
+        let Some(link) = self.gate.reopen(&self.interrupted)? else {
+            return Ok(false);
+        };
+        self.link = link;
+        eprintln!("{name}: ready again; {}; Ctrl-C ends it", self.gate.admits());
+        Ok(true)
     }
 
     pub(super) fn end(&self, running: Running, name: NodeName) -> anyhow::Result<Outcome> {

@@ -12,7 +12,7 @@ use super::process::{POLL, Process};
 use crate::parts::{CLOSE_LIMIT, Parts};
 
 /// What is drawn, noted or measured. Proposals, journals and configurations are not.
-const SEEN: [Topic; 13] = [
+const SEEN: [Topic; 15] = [
     Topic::Command,
     Topic::Forecast,
     Topic::Setpoint,
@@ -20,7 +20,9 @@ const SEEN: [Topic; 13] = [
     Topic::Scene,
     Topic::Trial,
     Topic::Lease,
+    Topic::TakeOver,
     Topic::Emergency,
+    Topic::AllClear,
     Topic::Clock(NodeName::Operator),
     Topic::Clock(NodeName::Predictor),
     Topic::Clock(NodeName::Arbiter),
@@ -30,22 +32,17 @@ const SEEN: [Topic; 13] = [
 
 /// Connects as whoever may do least and still see all; `None` if the user gave up first.
 pub(super) fn begin(parts: &Parts) -> anyhow::Result<Option<Process>> {
-    let settings = parts.link_settings();
-    Process::begin_at(settings, &reach(settings)?, NodeName::Recorder)
+    Process::begin_as(parts, role(parts.link_settings()), NodeName::Recorder)
 }
 
-/// As a viewer, or with a recorder's certificate where there is no viewer's.
-fn reach(settings: &LinkSettings) -> Result<Reach, LinkError> {
-    let has_none = |tried: &Result<Reach, LinkError>| {
-        let is_missing = |why| matches!(why, &SiteError::NoKey { .. } | &SiteError::WrongRole { .. });
-        matches!(tried, Err(LinkError::Site(why)) if is_missing(why))
-    };
-    let viewer = Reach::new(settings, Some(Role::Viewer));
-    if !has_none(&viewer) {
-        return viewer;
+/// A viewer, or a recorder where there is only a recorder's certificate.
+fn role(settings: &LinkSettings) -> Role {
+    let is_missing = |why| matches!(why, SiteError::NoKey { .. } | SiteError::WrongRole { .. });
+    let has_none = |role| matches!(Reach::new(settings, Some(role)), Err(LinkError::Site(why)) if is_missing(why));
+    match has_none(Role::Viewer) && !has_none(Role::Recorder) {
+        true => Role::Recorder,
+        false => Role::Viewer,
     }
-    let recorder = Reach::new(settings, Some(Role::Recorder));
-    if has_none(&recorder) { viewer } else { recorder }
 }
 
 /// Shows what is seen until Ctrl-C.
