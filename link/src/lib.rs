@@ -2,7 +2,7 @@
 //!
 //! A node is pure; somebody has to own the clock, the sockets and the threads. [`spawn`](spawn()) puts a node to work. Whatever
 //! comes for it is written down, then the node is stepped, and what it answers is published and written down, too. What was
-//! written down is the node's journal, which a thread of lower rank sends to whoever records.
+//! written down is the node's journal, which a thread of its own sends to whoever records.
 //!
 //! ```text
 //!   Zenoh callbacks ──▶ queue ──▶ [ journal · step · publish · journal ] ──▶ Zenoh
@@ -11,8 +11,8 @@
 //!   clock thread: pings, answers, offsets ──▶ Zenoh (background)
 //! ```
 //!
-//! On which thread a step is taken is the node's choice ([`Turn`](tandem_wire::Turn)): arbiter and robot are stepped where a
-//! message arrives, so that a command becomes motion without a thread being woken in between.
+//! On which thread a step is taken is the node's choice ([`Turn`](tandem_wire::Turn)): operator, arbiter and robot are stepped
+//! where a message arrives, so that a command becomes motion without a thread being woken in between.
 //!
 //! In real time `now` is the process's monotonic clock, streams go out express with real-time priority and may be
 //! dropped, and the queue drops (and counts) rather than blocks. In lockstep `now` is the tick in a message's header
