@@ -5,48 +5,10 @@ mod process;
 use std::collections::BTreeMap;
 use std::net::TcpListener;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 use process::Process;
-use tandem_link::{Link, LinkSettings, Observer, Sighting};
-use tandem_wire::{Pace, Scene, State, Topic, decode};
-
-/// Watches until the tool has come to rest at the goal.
-fn wait_for_the_goal(endpoint: &str) {
-    let settings = LinkSettings {
-        robot: "five".into(),
-        connect: vec![endpoint.into()],
-        ..LinkSettings::default()
-    };
-    let link = Link::open(&settings).expect("the listening process answers");
-    let observer = Observer::new(&link, Pace::Real).expect("an observer");
-    let limit = Instant::now() + Duration::from_secs(60);
-    let mut goal = None;
-    let mut last = None;
-    while Instant::now() < limit {
-        let Some(Sighting::Sample { topic, bytes, .. }) = observer.next(Duration::from_secs(5)) else {
-            continue;
-        };
-        match topic {
-            Topic::Scene => {
-                goal = decode::<Scene>(&bytes)
-                    .ok()
-                    .map(|scene| (scene.body.goal, scene.body.goal_tolerance.0))
-            }
-            Topic::State => last = decode::<State>(&bytes).ok().map(|state| state.body),
-            _ => {}
-        }
-        if let (Some((goal, tolerance)), Some(state)) = (goal, last)
-            && state.at_rest
-            && state.trial > 0
-            && (state.tool.position - goal).norm() <= tolerance
-        {
-            link.close();
-            return;
-        }
-    }
-    panic!("not at the goal after a minute; the last state was {last:?}");
-}
+use process::goal::wait_for_the_goal;
+use tandem_link::{Link, LinkSettings};
 
 /// Messages per channel of a session file, read with the bare MCAP reader.
 fn channels(session: &Path) -> BTreeMap<String, usize> {
@@ -84,7 +46,14 @@ fn five_processes_drive_to_the_goal_whoever_starts_first() {
     let arbiter = Process::start(&[&["arbiter"], &connect[..]].concat());
     let robot_sim = Process::start(&["robot-sim", "--robot", "five", "--listen", &endpoint]);
     let predictor = Process::start(&[&["predictor"], &connect[..]].concat());
-    wait_for_the_goal(&endpoint);
+    let settings = LinkSettings {
+        robot: "five".into(),
+        connect: vec![endpoint.clone()],
+        ..LinkSettings::default()
+    };
+    let link = Link::open(&settings).expect("the listening process answers");
+    wait_for_the_goal(&link, "five");
+    link.close();
 
     for (name, process) in [
         ("operator", operator),

@@ -2,6 +2,7 @@
 
 #![allow(dead_code, reason = "every test uses another part")]
 
+pub(crate) mod goal;
 #[cfg(unix)]
 pub(crate) mod loops;
 
