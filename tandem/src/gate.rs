@@ -155,3 +155,42 @@ impl Told {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tandem_site::{Authority, NewMember, Robots, Validity};
+
+    #[test]
+    fn a_changed_roster_is_taken_up_once_and_one_that_cannot_be_read_changes_nothing() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let site = folder.path().join("lab");
+        let mut authority = Authority::new(&site, "lab".parse().expect("a name")).expect("a site");
+        for role in [Role::RobotSim, Role::Operator, Role::Viewer] {
+            let new = NewMember {
+                name: role.as_str().parse().expect("a name"),
+                role,
+                robots: Robots::All,
+                hosts: vec![],
+                validity: Validity::days(1),
+            };
+            authority.issue(new).expect("a certificate");
+        }
+        let settings = LinkSettings {
+            site: site.display().to_string(),
+            listen: vec!["tcp/127.0.0.1:7447".into()],
+            ..LinkSettings::default()
+        };
+        let mut gate = Gate::new(&settings, Role::RobotSim).expect("a good site");
+        assert!(!gate.look());
+        authority.revoke("operator", "laptop lost").expect("revoked");
+        let newer = roster_text(&settings);
+        std::fs::write(site.join(ROSTER), "half a ro").expect("written");
+        assert!(!gate.look());
+        assert_eq!(gate.admits(), "site lab, 3 members, 0 revoked");
+        std::fs::write(site.join(ROSTER), newer).expect("written");
+        assert!(gate.look());
+        assert!(!gate.look());
+        assert_eq!(gate.admits(), "site lab, 2 members, 1 revoked");
+    }
+}

@@ -200,7 +200,10 @@ fn issue(flags: &IssueFlags) -> Result<(), SiteError> {
         ..
     } = &member;
     println!("{name} is {role} of {robots} until {expires}: {name}.pem and {name}.key");
-    println!("whoever listens has to know: copy {} to it", roster(&flags.site.site));
+    println!(
+        "whoever listens has to know: copy {} to it; its connections then begin anew, which stops a robot in motion",
+        roster(&flags.site.site)
+    );
     Ok(())
 }
 

@@ -12,7 +12,7 @@ use process::Process;
 use serde_json::Value;
 use tandem_link::net::free_port;
 use tandem_link::{Link, LinkError, LinkSettings, Observer, Sighting};
-use tandem_wire::{Pace, Topic};
+use tandem_wire::{Envelope, Pace, Reason, Session, State, Topic, decode};
 
 const LIMIT: Duration = Duration::from_secs(30);
 
@@ -246,4 +246,131 @@ fn a_router_at_work_takes_a_revocation_up_and_the_others_come_back() {
     operator.close();
     viewer.close();
     assert_eq!(router.end(), Some(0));
+}
+
+/// Waits for a state that is wanted, and gives the run of the robot that it is of.
+fn until_state(observer: &Observer, what: &str, wanted: impl Fn(&Envelope<State>) -> bool) -> Session {
+    let limit = Instant::now() + 2 * LIMIT;
+    let mut last = None;
+    while Instant::now() < limit {
+        let Some(Sighting::Sample {
+            topic: Topic::State,
+            bytes,
+            ..
+        }) = observer.next(Duration::from_secs(1))
+        else {
+            continue;
+        };
+        let state = decode::<State>(&bytes).expect("a state");
+        if wanted(&state) {
+            return state.header.session;
+        }
+        last = Some(state.body.motion);
+    }
+    panic!("{what} does not come; the last state says {last:?}");
+}
+
+fn is_moving(state: &Envelope<State>) -> bool {
+    state.body.motion.is_permitted() && state.body.tool_velocity.norm() > 0.03
+}
+
+#[test]
+fn an_operator_that_is_revoked_while_it_drives_is_stopped_by_a_robot_that_listens_and_another_may_drive() {
+    let desk = Desk::new();
+    let port = free_port().expect("a port");
+    let (lab, endpoint) = (desk.path("lab"), format!("tcp/127.0.0.1:{port}"));
+    for arguments in [
+        &["keys", "copy", "operator", "--out", &desk.path("laptop")][..],
+        &["keys", "issue", "operator", "--name", "second"],
+    ] {
+        let (code, _, why) = desk.on_site(arguments);
+        assert_eq!(code, Some(0), "{why}");
+    }
+    let dialling = |node: &str, more: &[&str]| Process::start(&[&[node, "--connect", &endpoint], more].concat());
+    let robot = Process::start(&["robot-sim", "--site", &lab, "--listen", &endpoint]);
+    let others = ["arbiter", "predictor"].map(|node| dialling(node, &["--site", &lab]));
+    let operator = dialling("operator", &["--source", "simulated", "--site", &desk.path("laptop")]);
+    let viewer = link(Path::new(&lab), port, "viewer").expect("the robot answers");
+    let observer = Observer::new(&viewer, Pace::Real).expect("an observer");
+    let before = until_state(&observer, "motion", is_moving);
+
+    let (code, said, why) = desk.on_site(&["keys", "revoke", "operator", "--why", "laptop lost"]);
+    assert!(
+        code == Some(0) && said.contains("takes it up within seconds"),
+        "{said}{why}"
+    );
+    until_state(&observer, "the end, at rest", |state| {
+        state.header.session == before && state.body.at_rest && state.body.motion.reason() == Some(Reason::ShuttingDown)
+    });
+    let began = Instant::now();
+    // It is there again by itself. The revoked operator's program runs on, and is not heard.
+    let after = until_state(&observer, "the robot's next run", |state| {
+        assert!(
+            state.header.session == before || !state.body.motion.is_permitted(),
+            "{state:?}"
+        );
+        state.header.session != before && state.header.seq.0 > 200
+    });
+    assert!(began.elapsed() < LIMIT, "{:?}", began.elapsed());
+    let second = dialling(
+        "operator",
+        &["--source", "simulated", "--site", &lab, "--member", "second"],
+    );
+    assert_eq!(until_state(&observer, "motion", is_moving), after);
+    viewer.close();
+    assert_eq!(second.end(), Some(0));
+    operator.kill();
+    for process in others.into_iter().chain([robot]) {
+        assert_eq!(process.end(), Some(0));
+    }
+}
+
+#[test]
+fn an_emergency_stop_says_what_keeps_it_out_and_comes_through_with_the_sites_certificates() {
+    let desk = Desk::new();
+    let port = free_port().expect("a port");
+    let (lab, endpoint) = (desk.path("lab"), format!("tcp/127.0.0.1:{port}"));
+    let robot = Process::start(&["robot-sim", "--site", &lab, "--listen", &endpoint]);
+    let viewer = link(Path::new(&lab), port, "viewer").expect("the robot answers");
+    let other = desk.path("other");
+    assert_eq!(
+        desk.run(&["keys", "new", "--site", "other", "--out", &other]).0,
+        Some(0)
+    );
+    for (site, words) in [(&[][..], "--site"), (&["--site", &other], "certificate")] {
+        let (code, _, why) = desk.run(&[&["estop", "--connect", &endpoint], site].concat());
+        assert_eq!(code, Some(1), "{why}");
+        assert!(why.contains("NOT STOPPED") && why.contains(words), "{why}");
+    }
+    // On the robot's own machine its own file is enough: what listens there is dialled.
+    let config = desk.path("robot.toml");
+    std::fs::write(&config, format!("[link]\nlisten = [{endpoint:?}]\nsite = {lab:?}\n")).expect("written");
+    let (code, said, why) = desk.run(&["estop", "--json", "--config", &config]);
+    let told: Value = serde_json::from_str(&said).unwrap_or_else(|_| panic!("{said}{why}"));
+    assert_eq!(code, Some(0), "{told}");
+    assert!(
+        told["at_rest"] == true && told["robot_ms"].is_number() && told["arbiter_ms"].is_null(),
+        "{told}"
+    );
+    let (_, told) = desk.json(&["doctor", "--json", "--config", &config, "--role", "robot-sim"]);
+    let checks = told["checks"].as_array().expect("checks");
+    for (name, words) in [
+        ("port", "taken"),
+        ("reach", "robot-sim"),
+        ("nodes", "robot-sim"),
+        ("versions", "as this one"),
+    ] {
+        let says = |check: &&Value| check["says"].as_str().is_some_and(|says| says.contains(words));
+        assert!(
+            checks
+                .iter()
+                .filter(|check| check["name"] == name)
+                .any(|check| says(&check)),
+            "{name}: {told}"
+        );
+    }
+    viewer.close();
+    assert_eq!(robot.end(), Some(0));
+    let (_, told) = desk.json(&["doctor", "--json", "--config", &config, "--role", "robot-sim"]);
+    assert!(told.to_string().contains("nothing runs here yet"), "{told}");
 }
