@@ -5,13 +5,13 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, bail};
 use clap::Args;
 use serde_json::json;
-use tandem_link::{Clock, Link, LinkSettings, Observer, Sighting, fresh_session};
+use tandem_link::{Clock, Link, LinkSettings, Observer, Reach, Sighting, fresh_session};
 use tandem_wire::{
     Emergency, Label, MessageId, Motion, Numbering, Pace, Reason, Session, Setpoint, State, Topic, decode, encode,
 };
 
 use crate::Outcome;
-use crate::nodes::NodeFlags;
+use crate::nodes::{self, NodeFlags};
 
 /// How long the network may take to answer a dial.
 const DIAL: Duration = Duration::from_secs(5);
@@ -38,8 +38,8 @@ pub(crate) struct EstopFlags {
 }
 
 pub(crate) fn run(flags: &EstopFlags) -> anyhow::Result<Outcome> {
-    let settings = flags.node.configuration(&[])?.link;
-    let link = dial(settings)?;
+    let settings = nodes::as_tool(&flags.node.configuration(&[])?.link);
+    let link = dial(&settings).context(if flags.clear { "NOT CLEARED" } else { "NOT STOPPED" })?;
     let session = fresh_session();
     let mut scene = Scene {
         observer: Observer::of_topics(&link, Pace::Real, &[Topic::State, Topic::Setpoint])?,
@@ -67,12 +67,10 @@ pub(crate) fn run(flags: &EstopFlags) -> anyhow::Result<Outcome> {
 }
 
 /// Dials, but not for ever: whoever wants to stop must know soon that nobody hears it.
-fn dial(settings: LinkSettings) -> anyhow::Result<Link> {
-    let (sender, opened) = crossbeam_channel::bounded(1);
-    std::thread::spawn(move || drop(sender.send(Link::open(&settings))));
-    let answer = opened.recv_timeout(DIAL);
-    let link = answer.context("NOT STOPPED: nobody answers; say where the robot is with --connect")?;
-    Ok(link?)
+fn dial(settings: &LinkSettings) -> anyhow::Result<Link> {
+    let reach = Reach::new(settings, None)?;
+    let link = nodes::connect_within(DIAL, settings, &reach, || false)?;
+    Ok(link.expect("nobody gives up but for the limit, which is an error"))
 }
 
 /// What somebody last said about motion.

@@ -24,7 +24,7 @@ use crate::configuration::{self, BadConfiguration, CommonFlags};
 use crate::parts::{LOOP, Parts};
 use crate::trial::TrialMarks;
 use crate::{Outcome, shipped};
-pub(crate) use dialling::{connect, describe};
+pub(crate) use dialling::{as_tool, connect, connect_within, describe, dial};
 pub(crate) use process::tell_of_journal;
 use process::{POLL, Process};
 pub(crate) use recorder::{RecorderFlags, recorder};

@@ -5,12 +5,10 @@ mod tally;
 
 pub(crate) use tally::{Robot, skew_words, worst_skew};
 
-use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::io::IsTerminal as _;
 use std::time::{Duration, Instant};
 
-use anyhow::bail;
 use clap::Args;
 use crossbeam_channel::Receiver;
 use crossterm::cursor::MoveTo;
@@ -29,7 +27,7 @@ const REDRAW: Duration = Duration::from_secs(1);
 /// How long dialling may take for one look.
 const DIAL: Duration = Duration::from_secs(5);
 /// What is watched, besides who is there.
-const TOPICS: [Topic; 10] = [
+const TOPICS: [Topic; 11] = [
     Topic::Command,
     Topic::Proposal,
     Topic::Setpoint,
@@ -40,6 +38,8 @@ const TOPICS: [Topic; 10] = [
     Topic::Clock(NodeName::Arbiter),
     Topic::Clock(NodeName::RobotSim),
     Topic::Clock(NodeName::Recorder),
+    // Says when a device's samples and the robot's states reached the operator.
+    Topic::Journal(NodeName::Operator),
 ];
 
 #[derive(Args)]
@@ -59,7 +59,7 @@ pub(crate) struct StatusFlags {
 }
 
 pub(crate) fn run(flags: &StatusFlags) -> anyhow::Result<Outcome> {
-    let settings = flags.node.configuration(&[])?.link;
+    let settings = nodes::as_tool(&flags.node.configuration(&[])?.link);
     let reach = Reach::new(&settings, None)?;
     let interrupted = interrupt::catch()?;
     let live = flags.watch || (!flags.once && !flags.json && std::io::stdout().is_terminal());
@@ -96,19 +96,11 @@ fn dial(
     live: bool,
     interrupted: &Receiver<()>,
 ) -> anyhow::Result<Option<Link>> {
-    let until = Instant::now() + DIAL;
-    let late = Cell::new(false);
-    let link = nodes::connect(settings, reach, || {
-        late.set(!live && Instant::now() > until);
-        late.get() || interrupted.try_recv().is_ok()
-    })?;
-    if link.is_none() && late.get() {
-        bail!(
-            "nobody answers at {}: say where with --connect; tandem doctor looks into it",
-            reach.connect.join(", ")
-        );
+    let gave_up = || interrupted.try_recv().is_ok();
+    match live {
+        true => nodes::connect(settings, reach, gave_up),
+        false => nodes::connect_within(DIAL, settings, reach, gave_up),
     }
-    Ok(link)
 }
 
 /// The robots to watch: the one that was named, or all that this member has to do with.

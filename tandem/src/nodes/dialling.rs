@@ -1,10 +1,13 @@
 //! Dialling until somebody answers, and saying meanwhile why nobody does.
 
+use std::cell::Cell;
+use std::net::IpAddr;
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded, unbounded};
-use tandem_link::{Link, LinkSettings, Reach};
+use tandem_link::reach::place;
+use tandem_link::{Link, LinkError, LinkSettings, Reach};
 
 use super::process::POLL;
 use crate::keys;
@@ -15,10 +18,7 @@ pub(crate) fn connect(
     reach: &Reach,
     gave_up: impl Fn() -> bool,
 ) -> anyhow::Result<Option<Link>> {
-    let (sender, opened) = bounded(1);
-    let (robot, dialled) = (settings.robot.parse()?, reach.clone());
-    // Dialling blocks until somebody answers; meanwhile Ctrl-C must still work.
-    std::thread::spawn(move || drop(sender.send(Link::open_at(robot, &dialled))));
+    let opened = dial(settings, reach)?;
     let mut knocking = Knocking::new(reach);
     loop {
         match opened.recv_timeout(POLL) {
@@ -27,6 +27,62 @@ pub(crate) fn connect(
             Err(RecvTimeoutError::Timeout) if gave_up() => return Ok(None),
             Err(RecvTimeoutError::Timeout) => knocking.tell(),
         }
+    }
+}
+
+/// Dials on a thread of its own, for dialling blocks until somebody answers.
+pub(crate) fn dial(settings: &LinkSettings, reach: &Reach) -> Result<Receiver<Result<Link, LinkError>>, LinkError> {
+    let (sender, opened) = bounded(1);
+    let (robot, reach) = (settings.robot.parse()?, reach.clone());
+    // Whoever gave up meanwhile has no use for it.
+    std::thread::spawn(move || drop(sender.send(Link::open_at(robot, &reach))));
+    Ok(opened)
+}
+
+/// Connects within a time, for whoever must know soon that nobody answers; `None` if the user gave up before.
+pub(crate) fn connect_within(
+    limit: Duration,
+    settings: &LinkSettings,
+    reach: &Reach,
+    gave_up: impl Fn() -> bool,
+) -> anyhow::Result<Option<Link>> {
+    let until = Instant::now() + limit;
+    let late = Cell::new(false);
+    let link = connect(settings, reach, || {
+        late.set(Instant::now() > until);
+        late.get() || gave_up()
+    })?;
+    if link.is_none() && late.get() {
+        let site = match reach.secured {
+            Some(_) => "",
+            None => ", and --site where certificates are used",
+        };
+        bail!(
+            "nobody lets this program in at {} within {} s: say where with --connect{site}; tandem doctor looks into it",
+            reach.connect.join(", "),
+            limit.as_secs()
+        );
+    }
+    Ok(link)
+}
+
+/// The settings as a tool uses them, which never listens: where this machine's own file says to listen and nothing else,
+/// it dials whoever listens there.
+pub(crate) fn as_tool(settings: &LinkSettings) -> LinkSettings {
+    let mut tool = settings.clone();
+    let listen = std::mem::take(&mut tool.listen);
+    if tool.connect.is_empty() {
+        tool.connect = listen.iter().map(|endpoint| dialled(endpoint)).collect();
+    }
+    tool
+}
+
+/// How a program of the same machine dials an endpoint on which another one listens.
+fn dialled(endpoint: &str) -> String {
+    let everywhere = |host: &str| host.parse::<IpAddr>().is_ok_and(|ip| ip.is_unspecified());
+    match (endpoint.split_once('/'), place(endpoint)) {
+        (Some((protocol, _)), Some((host, port))) if everywhere(host) => format!("{protocol}/127.0.0.1:{port}"),
+        _ => endpoint.to_owned(),
     }
 }
 
@@ -107,5 +163,31 @@ pub(crate) fn describe(settings: &LinkSettings, reach: &Reach) -> String {
             listen.join(", "),
             connect.join(", ")
         ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tool_dials_whoever_listens_on_this_machine_and_listens_itself_nowhere() {
+        let settings = |listen: &[&str], connect: &[&str]| LinkSettings {
+            listen: listen.iter().map(|&endpoint| endpoint.to_owned()).collect(),
+            connect: connect.iter().map(|&endpoint| endpoint.to_owned()).collect(),
+            ..LinkSettings::default()
+        };
+        let robot = as_tool(&settings(
+            &["tcp/0.0.0.0:7447", "tcp/[::]:7448", "tcp/192.0.2.10:1"],
+            &[],
+        ));
+        assert_eq!(
+            robot.connect,
+            ["tcp/127.0.0.1:7447", "tcp/127.0.0.1:7448", "tcp/192.0.2.10:1"]
+        );
+        assert!(robot.listen.is_empty());
+        let router = as_tool(&settings(&["tcp/0.0.0.0:7447"], &["tcp/192.0.2.11:7447"]));
+        assert_eq!(router.connect, ["tcp/192.0.2.11:7447"]);
+        assert!(router.listen.is_empty());
     }
 }

@@ -1,7 +1,7 @@
 //! What was seen, as a screen for people and as JSON for scripts.
 
 use serde_json::{Value, json};
-use tandem_recorder::{Basis, HopBudget};
+use tandem_recorder::{Basis, Hop, HopBudget};
 use tandem_wire::{Motion, Nanos, NodeName, Refusals, State, Topic, seconds};
 
 use super::tally::{Robot, STREAMS, skew_words, worst_skew};
@@ -39,6 +39,11 @@ pub(super) fn text(name: &str, robot: &Robot, heard: &[Topic], watched: Nanos) -
         },
     ));
     rows.extend(robot.budget.hops().iter().map(|hop| ("hop", hop_row(hop))));
+    let hidden: Vec<&str> = hidden(heard).into_iter().map(Hop::words).collect();
+    if !hidden.is_empty() {
+        let why = "only a recorder's or viewer's certificate hears what they are made of";
+        rows.push(("hidden", format!("{}: {why}", hidden.join(", "))));
+    }
     if let Some((reporter, peer)) = worst_skew(&robot.clocks) {
         let apart = if peer.is_skewed { "TOO FAR APART: " } else { "" };
         rows.push(("clocks", format!("{apart}at worst {}", skew_words(reporter, &peer))));
@@ -61,6 +66,19 @@ pub(super) fn text(name: &str, robot: &Robot, heard: &[Topic], watched: Nanos) -
         rows.push(("recording", "a recorder is there".into()));
     }
     format!("{name}\n{}\n", crate::table::rows(&rows))
+}
+
+/// The hops that this member cannot measure, for it may not hear what they are made of.
+fn hidden(heard: &[Topic]) -> Vec<Hop> {
+    let clocks = Topic::Clock(NodeName::RobotSim);
+    let hears_for = |hop: &Hop| match hop {
+        Hop::Device => heard.contains(&Topic::Journal(NodeName::Operator)),
+        Hop::State => heard.contains(&Topic::Journal(NodeName::Operator)) && heard.contains(&clocks),
+        Hop::Command | Hop::Setpoint | Hop::CommandToMotion => heard.contains(&clocks),
+        Hop::Loop => heard.contains(&Topic::Command),
+        Hop::Decision | Hop::Uptake | Hop::Report => true,
+    };
+    Hop::ALL.into_iter().filter(|hop| !hears_for(hop)).collect()
 }
 
 fn hop_row(hop: &HopBudget) -> String {
@@ -167,6 +185,7 @@ pub(super) fn json(name: &str, robot: &Robot, heard: &[Topic], watched: Nanos) -
         "streams": Value::Object(rates.collect()),
         "loop_ms": robot.turn().map(|turn| json!({ "p50": turn.p50_ms, "p99": turn.p99_ms, "worst": turn.worst_ms })),
         "hops": robot.budget.hops().iter().map(hop_json).collect::<Vec<_>>(),
+        "hidden_hops": hidden(heard).into_iter().map(Hop::as_str).collect::<Vec<_>>(),
         "clocks": robot.clocks.iter().flat_map(|(node, report)| report.peers.iter().map(|peer| json!({
             "from": node.as_str(), "to": peer.node.as_str(), "skew_ns": peer.skew, "uncertainty_ns": peer.uncertainty,
             "round_trip_ns": peer.round_trip_median, "is_skewed": peer.is_skewed,
@@ -192,4 +211,21 @@ fn state_json(state: &State) -> Value {
         "reason": state.motion.reason().map(|why| why.to_string()),
         "tool_m": state.tool.position.to_array(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hops_that_a_member_cannot_measure_are_named() {
+        let operator = [Topic::State, Topic::Setpoint, Topic::Storage];
+        let said = text("panda", &Robot::default(), &operator, 1);
+        assert!(said.contains("device → command, operator → arbiter"), "{said}");
+        assert!(said.contains("robot → operator"), "{said}");
+        assert!(!said.contains("arbiter decides"), "{said}");
+        let all = super::super::TOPICS;
+        assert!(!text("panda", &Robot::default(), &all, 1).contains("hidden"));
+        assert!(hidden(&all).is_empty());
+    }
 }
