@@ -59,7 +59,10 @@ pub use reader::{
     ReelError, Repair, RepairError, Repaired, repair,
 };
 pub use session_file::{JOURNAL_ENCODING, Provenance, SessionFile, WriteError};
-pub use sinks::{Closed, Drops, Ended, Heading, Lost, Notice, OpenError, Sinks, find_viewer, part_path, save_what_if};
+pub use sinks::{
+    Closed, Drops, Ended, Heading, Lost, Notice, OpenError, Sinks, find_viewer, is_viewer_listening, part_path,
+    save_what_if,
+};
 pub use tally::{ClockOffset, Counts, Gap, JournalCount, StreamCount};
 pub use urdf::{Urdf, UrdfError};
 pub use view::what_if::Side;

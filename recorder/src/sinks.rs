@@ -45,7 +45,7 @@ pub use file::part_path;
 pub use notice::Notice;
 pub use open::OpenError;
 use open::{keep_what_is_there, open_file, open_view};
-pub use program::find_viewer;
+pub use program::{find_viewer, is_viewer_listening};
 use rerun_stream::Show;
 use shared::{Kind, Shared};
 pub use what_if::{Heading, save_what_if};

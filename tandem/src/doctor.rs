@@ -6,10 +6,10 @@ mod peers;
 
 use clap::Args;
 use serde_json::{Value, json};
-use tandem_link::Reach;
+use tandem_link::{LinkSettings, Reach};
 use tandem_site::Role;
 
-use crate::nodes::NodeFlags;
+use crate::nodes::{self, NodeFlags};
 use crate::{BUILD, Outcome};
 use check::{Check, Verdict};
 
@@ -85,15 +85,32 @@ pub(crate) fn run(flags: &DoctorFlags) -> anyhow::Result<Outcome> {
             "nothing can be reached before that",
         )]),
         Ok(reach) => {
-            findings.tell(machine::ports(&reach));
-            findings.tell(peers::doors(&reach));
-            findings.tell(peers::nodes(settings, &reach, flags.node.robot()));
+            let ports = machine::ports(&reach);
+            let is_running = ports.iter().any(|check| check.verdict == Verdict::Worth);
+            findings.tell(ports);
+            findings.tell(others(flags, settings, is_running));
         }
     }
     findings.tell([clock()]);
     findings.tell(machine::disk(&configuration));
-    findings.tell([machine::viewer()]);
+    findings.tell([machine::viewer(&configuration.recorder)]);
     Ok(findings.end())
+}
+
+/// Who answers and who is there. A machine that only listens asks its own process, if that runs.
+fn others(flags: &DoctorFlags, settings: &LinkSettings, is_running: bool) -> Vec<Check> {
+    if settings.connect.is_empty() && !settings.listen.is_empty() && !is_running {
+        let says = "this machine listens and dials nobody, and nothing runs here yet: look again once it does";
+        return vec![Check::skipped("nodes", says)];
+    }
+    let tool = nodes::as_tool(settings);
+    match Reach::new(&tool, flags.role) {
+        Err(why) => vec![Check::bad("reach", why.to_string(), "nothing can be asked before that")],
+        Ok(reach) => {
+            let doors = peers::doors(&reach);
+            [doors, peers::nodes(&tool, &reach, flags.node.robot())].concat()
+        }
+    }
 }
 
 /// Nothing that moves a robot goes by the wall clock; certificates and files do.

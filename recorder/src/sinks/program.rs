@@ -26,8 +26,9 @@ pub(super) fn local_url() -> String {
     format!("rerun+http://{LOCAL}/proxy")
 }
 
-/// Whether somebody accepts connections at this address.
-pub(super) fn is_listening(url: &str) -> bool {
+/// Whether somebody accepts connections at a viewer's address.
+#[must_use]
+pub fn is_viewer_listening(url: &str) -> bool {
     let Ok(uri) = url.parse::<ProxyUri>() else {
         return false;
     };

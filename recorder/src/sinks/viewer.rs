@@ -88,7 +88,7 @@ impl ViewerSink {
     /// Whether there will be somebody to show it to: one who listens, or whom we started and who has not failed.
     fn is_coming(&mut self) -> bool {
         let started = self.child.as_mut().map(Child::try_wait);
-        matches!(started, Some(Ok(None))) || program::is_listening(&self.url())
+        matches!(started, Some(Ok(None))) || program::is_viewer_listening(&self.url())
     }
 
     fn wait_for_answer(&mut self) {
@@ -196,7 +196,7 @@ struct Worker {
 
 impl Worker {
     fn run(self, end: &Sender<bool>) {
-        while !program::is_listening(&self.url) {
+        while !program::is_viewer_listening(&self.url) {
             if self.is_abandoned.load(Ordering::Relaxed) {
                 return;
             }

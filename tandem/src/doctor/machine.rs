@@ -6,6 +6,7 @@ use std::process::{Command, Stdio};
 
 use tandem_link::reach::{is_loopback, place};
 use tandem_link::{LinkSettings, Reach};
+use tandem_recorder::{Live, RecorderSettings};
 use tandem_site::{CA_KEY, Certificate, Member, Role, Site, SiteError};
 use tandem_trials::Configuration;
 
@@ -197,8 +198,23 @@ fn free_mib(_: &Path) -> Option<std::io::Result<u64>> {
     None
 }
 
-/// The Rerun viewer on PATH.
-pub(super) fn viewer() -> Check {
+/// The Rerun viewer: the one that the recorder shall stream to, or the one on PATH.
+pub(super) fn viewer(recorder: &RecorderSettings) -> Check {
+    if recorder.live == Live::Connect {
+        let url = &recorder.viewer;
+        return match tandem_recorder::is_viewer_listening(url) {
+            true => Check::good("viewer", format!("somebody answers at {url}")),
+            false => Check::worth(
+                "viewer",
+                format!("nobody answers at {url}, recorder.viewer: the session is recorded, and not seen live"),
+                "start rerun there and let its port through, or set recorder.viewer; the recorder goes on trying",
+            ),
+        };
+    }
+    on_path()
+}
+
+fn on_path() -> Check {
     let get = format!("pip install rerun-sdk=={RERUN}.3, where somebody wants to watch");
     let Some(program) = tandem_recorder::find_viewer() else {
         return Check::worth("viewer", "no rerun on PATH", get);
@@ -218,5 +234,45 @@ pub(super) fn viewer() -> Check {
     match first.split([' ', 'v']).any(|word| word.starts_with(RERUN)) {
         true => Check::good("viewer", says),
         false => Check::worth("viewer", says, get),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doctor::check::Verdict;
+
+    #[test]
+    fn a_viewer_that_the_recorder_shall_stream_to_is_knocked_at() {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
+        let port = listener.local_addr().expect("an address").port();
+        let recorder = RecorderSettings {
+            live: Live::Connect,
+            viewer: format!("rerun+http://127.0.0.1:{port}/proxy"),
+            ..RecorderSettings::default()
+        };
+        assert_eq!(viewer(&recorder).verdict, Verdict::Good);
+        drop(listener);
+        let absent = viewer(&recorder);
+        assert_eq!(absent.verdict, Verdict::Worth);
+        assert!(absent.todo.expect("advice").contains("start rerun there"));
+    }
+
+    #[test]
+    fn a_port_that_is_taken_is_said_and_no_obstacle() {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
+        let endpoint = format!("tcp/{}", listener.local_addr().expect("an address"));
+        let reach = Reach {
+            listen: vec![endpoint],
+            connect: vec![],
+            secured: None,
+        };
+        let [taken] = &ports(&reach)[..] else {
+            panic!("one port");
+        };
+        assert_eq!(taken.verdict, Verdict::Worth);
+        assert!(taken.todo.as_ref().expect("advice").contains("end that program"));
+        drop(listener);
+        assert_eq!(ports(&reach)[0].verdict, Verdict::Good);
     }
 }

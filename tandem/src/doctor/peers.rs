@@ -3,13 +3,12 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use crossbeam_channel::bounded;
 use tandem_link::{Link, LinkError, LinkSettings, Network, Reach};
 use tandem_wire::{Envelope, NodeInfo, NodeName, RobotName, Topic};
 
 use super::check::Check;
-use crate::BUILD;
 use crate::status::{Robot, skew_words, worst_skew};
+use crate::{BUILD, nodes};
 
 /// How long whoever listens may take to let us in.
 const DIAL: Duration = Duration::from_secs(5);
@@ -57,12 +56,6 @@ fn advice(why: &tandem_site::Knock) -> &'static str {
 
 /// Who is there, and whether all were made from the same wire.
 pub(super) fn nodes(settings: &LinkSettings, reach: &Reach, named: Option<&str>) -> Vec<Check> {
-    if reach.connect.is_empty() {
-        return vec![Check::skipped(
-            "nodes",
-            "this machine listens and dials nobody: look from another one",
-        )];
-    }
     let link = match open(settings, reach) {
         Ok(Some(link)) => link,
         Ok(None) => return vec![Check::skipped("nodes", "nobody lets us in, so nobody can be asked")],
@@ -89,10 +82,7 @@ pub(super) fn nodes(settings: &LinkSettings, reach: &Reach, named: Option<&str>)
 }
 
 fn open(settings: &LinkSettings, reach: &Reach) -> Result<Option<Link>, LinkError> {
-    let (sender, opened) = bounded(1);
-    let (robot, reach) = (settings.robot.parse()?, reach.clone());
-    std::thread::spawn(move || drop(sender.send(Link::open_at(robot, &reach))));
-    opened.recv_timeout(DIAL).ok().transpose()
+    nodes::dial(settings, reach)?.recv_timeout(DIAL).ok().transpose()
 }
 
 type Found = BTreeMap<String, (RobotName, Vec<NodeName>)>;
