@@ -37,8 +37,8 @@ pub(super) fn begin(parts: &Parts) -> anyhow::Result<Option<Process>> {
 
 /// A viewer, or a recorder where there is only a recorder's certificate.
 fn role(settings: &LinkSettings) -> Role {
-    let is_missing = |why| matches!(why, SiteError::NoKey { .. } | SiteError::WrongRole { .. });
-    let has_none = |role| matches!(Reach::new(settings, Some(role)), Err(LinkError::Site(why)) if is_missing(why));
+    let is_missing = |why: &SiteError| matches!(why, SiteError::NoKey { .. } | SiteError::WrongRole { .. });
+    let has_none = |role| matches!(Reach::new(settings, Some(role)), Err(LinkError::Site(why)) if is_missing(&why));
     match has_none(Role::Viewer) && !has_none(Role::Recorder) {
         true => Role::Recorder,
         false => Role::Viewer,
