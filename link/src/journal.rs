@@ -310,7 +310,7 @@ mod tests {
     fn batches(lengths: &[usize]) -> Vec<JournalBatch> {
         let (sender, receiver) = bounded(lengths.len());
         for (&length, index) in lengths.iter().zip(0..) {
-            sender.try_send(item(index, length)).ok().expect("room for all");
+            sender.try_send(item(index, length)).expect("room for all");
         }
         let (mut batches, mut held) = (Vec::new(), None);
         while let Some(Item { index, entry }) = held.take().or_else(|| receiver.try_recv().ok()) {

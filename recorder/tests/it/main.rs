@@ -4,6 +4,7 @@ mod evidence;
 mod full_disk;
 mod journals;
 mod live_viewer;
+mod mixture;
 mod properties;
 mod reader;
 mod scenarios;

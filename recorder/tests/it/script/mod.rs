@@ -5,7 +5,7 @@
 
 #![allow(dead_code, reason = "every test uses another part")]
 
-mod mixture;
+pub(crate) mod mixture;
 use tandem_recorder::{Output, Recorder};
 use tandem_wire::{
     Aabb, Body, Clearance, Command, Cylinder, Deadman, Envelope, Finite, Forecast, ForecastPoint, Guidance, Happening,
