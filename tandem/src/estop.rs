@@ -6,6 +6,7 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use serde_json::json;
 use tandem_link::{Clock, Link, LinkSettings, Observer, Reach, Sighting, fresh_session};
+use tandem_site::Role;
 use tandem_wire::{
     Emergency, Label, MessageId, Motion, Numbering, Pace, Reason, Session, Setpoint, State, Topic, decode, encode,
 };
@@ -39,7 +40,9 @@ pub(crate) struct EstopFlags {
 
 pub(crate) fn run(flags: &EstopFlags) -> anyhow::Result<Outcome> {
     let settings = nodes::as_tool(&flags.node.configuration(&[])?.link);
-    let link = dial(&settings).context(if flags.clear { "NOT CLEARED" } else { "NOT STOPPED" })?;
+    // Anybody may stop; who may let go again is an operator.
+    let role = flags.clear.then_some(Role::Operator);
+    let link = dial(&settings, role).context(if flags.clear { "NOT CLEARED" } else { "NOT STOPPED" })?;
     let session = fresh_session();
     let mut scene = Scene {
         observer: Observer::of_topics(&link, Pace::Real, &[Topic::State, Topic::Setpoint])?,
@@ -67,8 +70,8 @@ pub(crate) fn run(flags: &EstopFlags) -> anyhow::Result<Outcome> {
 }
 
 /// Dials, but not for ever: whoever wants to stop must know soon that nobody hears it.
-fn dial(settings: &LinkSettings) -> anyhow::Result<Link> {
-    let reach = Reach::new(settings, None)?;
+fn dial(settings: &LinkSettings, role: Option<Role>) -> anyhow::Result<Link> {
+    let reach = Reach::new(settings, role)?;
     let link = nodes::connect_within(DIAL, settings, &reach, || false)?;
     Ok(link.expect("nobody gives up but for the limit, which is an error"))
 }

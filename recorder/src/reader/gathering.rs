@@ -269,11 +269,11 @@ impl<B: Keep> Gathering<B> {
 
     /// Gives every message its arrival, and says how many have no bytes. A repeated message counts once.
     fn join(&mut self, epoch: Nanos) -> u64 {
-        let mut delays = BTreeMap::<Session, Nanos>::new();
+        let mut delays = BTreeMap::<Session, i128>::new();
         let mut without_body = BTreeSet::new();
         for (log, topic, header) in std::mem::take(&mut self.heard) {
             let at = Stamp(log.saturating_sub(epoch));
-            let delay = at.0.saturating_sub(header.sent.0);
+            let delay = i128::from(at.0) - i128::from(header.sent.0);
             let least = delays.entry(header.session).or_insert(delay);
             *least = delay.min(*least);
             let id = (topic, header.session, header.seq.0);
@@ -296,8 +296,9 @@ impl<B: Keep> Gathering<B> {
         without_body.len() as u64
     }
 
-    /// What stands in a journal and was never heard: its sender's stamp says where it belongs.
-    fn place_unheard(&mut self, delays: &BTreeMap<Session, Nanos>) {
+    /// What stands in a journal and was never heard: its sender's stamp says where it belongs, by the least delay of what was
+    /// heard of that sender; negative if its clock is ahead of the recorder's.
+    fn place_unheard(&mut self, delays: &BTreeMap<Session, i128>) {
         for ((topic, session, seq), unheard) in std::mem::take(&mut self.bodies) {
             if let (Some(delay), Some(Body { tick, sent, kept })) = (delays.get(&session), unheard) {
                 let header = Header {
@@ -307,7 +308,7 @@ impl<B: Keep> Gathering<B> {
                     sent,
                 };
                 self.recording.messages.push(Recorded {
-                    at: sent.after(*delay),
+                    at: Stamp(u64::try_from(i128::from(sent.0) + delay).unwrap_or(0)),
                     topic,
                     header,
                     bytes: kept,
