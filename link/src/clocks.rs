@@ -25,6 +25,7 @@ use zenoh::query::{ConsolidationMode, Query, QueryTarget, Queryable};
 
 use crate::Clock;
 use crate::config::ClockSettings;
+use crate::entrance::at_most;
 use crate::net::{Link, LinkError, declare};
 pub use estimator::{DRIFT_PPM, Estimate, Estimator, Exchange, Taken, WINDOW};
 use peers::Peers;
@@ -228,13 +229,13 @@ fn ping(session: &zenoh::Session, robot: &RobotName, sender: &Sender<Event>) {
         .callback(move |reply| {
             let arrived = clock.now();
             let Ok(sample) = reply.result() else { return };
-            let Some((_, Topic::Ping(node))) = keys::parse(sample.key_expr().as_str()) else {
+            let Some((_, topic @ Topic::Ping(node))) = keys::parse(sample.key_expr().as_str()) else {
                 return;
             };
             // Where so many wait, one more tells little.
             let _ = sender.try_send(Event::Pong(Answer {
                 node,
-                bytes: sample.payload().to_bytes().into_owned(),
+                bytes: at_most(topic.max_bytes(), sample.payload()),
                 asked,
                 arrived,
             }));

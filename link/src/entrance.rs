@@ -80,7 +80,7 @@ impl Entrance {
 }
 
 /// A payload, cut one byte behind `limit`: enough to see that it is too long, whatever a stranger sends.
-fn at_most(limit: usize, payload: &ZBytes) -> Vec<u8> {
+pub(crate) fn at_most(limit: usize, payload: &ZBytes) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(payload.len().min(limit + 1));
     payload.slices().for_each(|slice| {
         let room = (limit + 1).saturating_sub(bytes.len());

@@ -9,6 +9,7 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::SampleKind;
 
 use crate::Clock;
+use crate::entrance::at_most;
 use crate::net::{Link, LinkError, declare};
 
 /// What may wait to be looked at.
@@ -80,7 +81,7 @@ fn notice(sender: Sender<Noticed>) -> impl Fn(zenoh::sample::Sample) + Send + Sy
             at: clock.now(),
             robot,
             topic,
-            bytes: sample.payload().to_bytes().into_owned(),
+            bytes: at_most(topic.max_bytes(), sample.payload()),
             alive: sample.kind() == SampleKind::Put,
         };
         // Gone or too slow: a watcher owes nobody anything.

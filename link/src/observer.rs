@@ -8,6 +8,7 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::SampleKind;
 
 use crate::Clock;
+use crate::entrance::at_most;
 use crate::net::{Link, LinkError, declare};
 
 /// Sightings that may wait to be looked at.
@@ -100,7 +101,7 @@ fn watch(link: &Link, pace: Pace, key: &str, sender: Sender<Sighting>) -> Result
         let sighting = Sighting::Sample {
             at: clock.now(),
             topic,
-            bytes: sample.payload().to_bytes().into_owned(),
+            bytes: at_most(topic.max_bytes(), sample.payload()),
         };
         // Gone or, in real time, too slow: an observer owes nobody anything.
         let _ = match pace {

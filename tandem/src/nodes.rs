@@ -250,7 +250,7 @@ fn serve(
     };
     let mut running = start(parts, &process.link)?;
     let mut lost = false;
-    while process.wait_for_roster(&running) {
+    while process.wait_for_roster(&running)? {
         eprintln!("{name}: site.toml has changed, so this node ends, at rest, and all connections begin anew");
         lost |= matches!(process.end(running, name)?, Outcome::SamplesLost);
         if !process.begin_anew(name)? {

@@ -249,7 +249,7 @@ fn a_router_at_work_takes_a_revocation_up_and_the_others_come_back() {
 }
 
 /// Waits for a state that is wanted, and gives the run of the robot that it is of.
-fn until_state(observer: &Observer, what: &str, wanted: impl Fn(&Envelope<State>) -> bool) -> Session {
+fn until_state(observer: &Observer, what: &str, mut wanted: impl FnMut(&Envelope<State>) -> bool) -> Session {
     let limit = Instant::now() + 2 * LIMIT;
     let mut last = None;
     while Instant::now() < limit {
@@ -369,8 +369,48 @@ fn an_emergency_stop_says_what_keeps_it_out_and_comes_through_with_the_sites_cer
             "{name}: {told}"
         );
     }
+    a_roster_that_changes_waits_until_the_stop_is_cleared(&desk, &endpoint, &viewer);
     viewer.close();
     assert_eq!(robot.end(), Some(0));
     let (_, told) = desk.json(&["doctor", "--json", "--config", &config, "--role", "robot-sim"]);
     assert!(told.to_string().contains("nothing runs here yet"), "{told}");
+}
+
+/// A run that began anew would not know of the stop.
+fn a_roster_that_changes_waits_until_the_stop_is_cleared(desk: &Desk, endpoint: &str, viewer: &Link) {
+    let observer = Observer::new(viewer, Pace::Real).expect("an observer");
+    let is_stopped = |state: &Envelope<State>| matches!(state.body.motion.reason(), Some(Reason::EmergencyStop { .. }));
+    let mut newest = 0;
+    let stopped = until_state(&observer, "the stop", |state| {
+        newest = state.header.seq.0;
+        is_stopped(state)
+    });
+    let (code, _, why) = desk.on_site(&["keys", "issue", "operator", "--name", "late"]);
+    assert_eq!(code, Some(0), "{why}");
+    let still = until_state(&observer, "four more seconds of it", |state| {
+        assert!(is_stopped(state), "{:?}", state.body.motion);
+        state.header.seq.0 > newest + 200
+    });
+    assert_eq!(still, stopped);
+    let clear = |member: &str| {
+        let site = desk.path("lab");
+        desk.run(&[
+            "estop",
+            "--clear",
+            "--connect",
+            endpoint,
+            "--site",
+            &site,
+            "--member",
+            member,
+        ])
+    };
+    let (code, _, why) = clear("viewer");
+    assert!(
+        code != Some(0) && why.contains("operator"),
+        "who watches lets nothing go: {why}"
+    );
+    let (code, _, why) = clear("operator");
+    assert_eq!(code, Some(0), "{why}");
+    until_state(&observer, "the next run", |state| state.header.session != stopped);
 }

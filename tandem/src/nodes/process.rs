@@ -4,9 +4,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use crossbeam_channel::Receiver;
-use tandem_link::{JournalReport, Link, Running};
+use tandem_link::{JournalReport, Link, Observer, Running, Sighting};
 use tandem_site::Role;
-use tandem_wire::NodeName;
+use tandem_wire::{Motion, NodeName, Pace, Reason, Setpoint, State, Topic, decode};
 
 use super::dialling::describe;
 use crate::gate::{Gate, LOOK};
@@ -51,18 +51,28 @@ impl Process {
         while !running.is_finished() && self.interrupted.recv_timeout(POLL).is_err() {}
     }
 
-    /// Runs as [`Process::wait`] does, or until the roster has changed: then the node has to end and begin anew.
-    pub(super) fn wait_for_roster(&mut self, running: &Running) -> bool {
-        let mut next = Instant::now() + LOOK;
+    /// Runs as [`Process::wait`] does, or until the roster has changed: then the node has to end and begin anew. A new run would
+    /// not know of an emergency stop, so while one is in force, and nothing moves, the roster waits.
+    pub(super) fn wait_for_roster(&mut self, running: &Running) -> anyhow::Result<bool> {
+        let (mut next, mut word) = (Instant::now() + LOOK, None);
         while !running.is_finished() && self.interrupted.recv_timeout(POLL).is_err() {
-            if Instant::now() >= next {
-                next = Instant::now() + LOOK;
-                if self.gate.look() {
-                    return true;
-                }
+            if Instant::now() < next {
+                continue;
+            }
+            next = Instant::now() + LOOK;
+            let heard = word.as_ref().map(is_stopped);
+            if self.gate.look() && word.is_none() {
+                word = Some(Observer::of_topics(
+                    &self.link,
+                    Pace::Real,
+                    &[Topic::State, Topic::Setpoint],
+                )?);
+            }
+            if heard == Some(false) {
+                return Ok(true);
             }
         }
-        false
+        Ok(false)
     }
 
     /// Opens the session again, by the roster of now; says whether it did, or the user gave up.
@@ -92,6 +102,20 @@ impl Process {
         );
         Ok(if lost > 0 { Outcome::SamplesLost } else { Outcome::Done })
     }
+}
+
+/// Whether an emergency stop is in force, by what robot and arbiter have said of motion since this was asked last.
+fn is_stopped(word: &Observer) -> bool {
+    let motion = |sighting: Sighting| match sighting {
+        Sighting::Sample { topic, bytes, .. } if topic == Topic::State => {
+            Some(decode::<State>(&bytes).ok()?.body.motion)
+        }
+        Sighting::Sample { bytes, .. } => Some(decode::<Setpoint>(&bytes).ok()?.body.motion),
+        Sighting::Presence { .. } => None,
+    };
+    let said = std::iter::from_fn(|| word.next(Duration::ZERO)).filter_map(motion);
+    let stopped = said.map(|motion| matches!(motion, Motion::Held(Reason::EmergencyStop { .. })));
+    stopped.last().unwrap_or(false)
 }
 
 /// Says what a person should know of a journal that no recorder took whole.
