@@ -1,4 +1,4 @@
-//! Where the arm is closest to an obstacle: a line from one to the other, and how long it is.
+//! Where the arm is closest to an obstacle: a line from one to the other, and how long it is once that is not far.
 
 use tandem_wire::{Clearance, Cylinder, Scene, State, Vec3};
 
@@ -8,6 +8,9 @@ use crate::arm::{Placed, place};
 /// The range in which the closest place of a body's axis is looked for shrinks by a third each time: after so many times
 /// it is a micrometre long.
 const THIRDS: u32 = 36;
+/// Closer than this, in metres, the distance stands beside the line. A label hides what is behind it, and further away that
+/// is worth more.
+const CLOSE_M: f64 = 0.05;
 
 pub(super) fn draw(scene: &Scene, state: &State, sheet: &mut Sheet<'_>) {
     if scene.obstacles.is_empty() {
@@ -15,12 +18,15 @@ pub(super) fn draw(scene: &Scene, state: &State, sheet: &mut Sheet<'_>) {
     }
     let nearest = state.clearance.and_then(|clearance| {
         let line = between(scene, state, clearance)?;
-        Some((line, format!("{:.0} mm", clearance.distance.0 * 1e3)))
+        Some((line, clearance.distance.0))
     });
-    let (line, words) = nearest.unzip();
+    let (line, distance) = nearest.unzip();
+    let words = distance
+        .filter(|metres| *metres < CLOSE_M)
+        .map(|metres| format!("{:.0} mm", metres * 1e3));
     let line = rerun::LineStrips3D::new(line.map(|ends| ends.map(xyz)))
         .with_colors([colours::NEAREST])
-        .with_radii([0.002])
+        .with_radii([0.003])
         .with_labels(words)
         .with_show_labels(true);
     sheet.draw("world/nearest", &line);

@@ -61,8 +61,8 @@ fn every_line_in_a_plot_has_a_name() {
 fn across_the_path_is_at_right_angles_to_the_way_to_the_goal() {
     let turned = drawn_with(|heard| {
         if let Entry::Sample(Sample::Scene(message)) = &mut heard.entry {
-            message.body.start = Vec3::new(0.3, 0.0, 0.1);
-            message.body.goal = Vec3::new(0.7, 0.0, 0.1);
+            message.body.start = Vec3::new(0.25, 0.0, 0.1);
+            message.body.goal = Vec3::new(0.75, 0.0, 0.1);
         }
         if let Entry::Sample(Sample::State(message)) = &mut heard.entry {
             message.body.tool.position = Vec3::new(0.5, -0.25, 0.1);
@@ -75,7 +75,7 @@ fn across_the_path_is_at_right_angles_to_the_way_to_the_goal() {
         .map(|drawing| format!("{:?}", drawing.batches[0].array))
         .collect();
     assert!(
-        values.len() > 40 && values.iter().all(|value| value.contains("0.25")),
+        values.len() > 40 && values.iter().all(|value| value.contains(" 0.25,")),
         "{values:?}"
     );
 }

@@ -27,19 +27,20 @@ impl Sketch<'_> {
     }
 
     pub(super) fn margins(&mut self, share: f32) -> RecordingStreamResult<Part> {
-        let mut tabs = vec![
-            self.plot("Speeds, m/s", "plots/effort", None, 1.0)?,
+        let mut tabs = vec![self.plot("Speeds, m/s", "plots/effort", None, 1.0)?];
+        if self.fit.has_arrivals {
+            // In front, for this is what such a robot stops by.
+            let (rate, missed) = ("plots/arrivals/success_rate", "plots/arrivals/missed");
+            tabs.push(self.plot("Setpoints in time, share of 100 ms", rate, Some([-0.05, 1.05]), 1.0)?);
+            tabs.push(self.plot("Setpoints missed in a row", missed, None, 1.0)?);
+        }
+        tabs.extend([
             self.plot("Clearance, mm", "plots/clearance", None, 1.0)?,
             self.plot("Command to motion, ms", "plots/latency", None, 1.0)?,
             self.plot("Hops, p95, ms", "plots/hops", None, 1.0)?,
             self.budget(1.0)?,
             self.plot("Lost messages", "plots/lost", None, 1.0)?,
-        ];
-        if self.fit.has_arrivals {
-            let (rate, missed) = ("plots/arrivals/success_rate", "plots/arrivals/missed");
-            tabs.push(self.plot("Setpoints in time, share of 100 ms", rate, Some([-0.05, 1.05]), 1.0)?);
-            tabs.push(self.plot("Setpoints missed in a row", missed, None, 1.0)?);
-        }
+        ]);
         self.container(ContainerKind::Tabs, "Effort and margins", &tabs, share)
     }
 
