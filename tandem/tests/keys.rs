@@ -68,6 +68,7 @@ fn a_site_is_made_shown_added_to_and_never_overwritten() {
     let roles: Vec<&str> = members.iter().filter_map(|member| member["role"].as_str()).collect();
     let all = [
         "operator",
+        "supervisor",
         "predictor",
         "arbiter",
         "robot-sim",

@@ -109,11 +109,11 @@ fn an_operator_may_command_its_own_robots_only() {
     for topic in ["command", "lease", "trial"] {
         assert_eq!(
             who_may("ingress", "put", &format!("tandem/left/{topic}")),
-            ["operator", "desk"]
+            ["operator", "supervisor", "desk"]
         );
         assert_eq!(
             who_may("ingress", "put", &format!("tandem/right/{topic}")),
-            ["operator"]
+            ["operator", "supervisor"]
         );
     }
     assert_eq!(who_may("ingress", "put", "tandem/left/state"), ["robot-sim"]);
@@ -121,8 +121,28 @@ fn an_operator_may_command_its_own_robots_only() {
 }
 
 #[test]
+fn only_a_supervisor_may_take_the_lease_over_and_only_who_may_drive_may_end_an_emergency_stop() {
+    assert_eq!(who_may("ingress", "put", "tandem/left/lease/take-over"), ["supervisor"]);
+    assert_eq!(
+        who_may("ingress", "put", "tandem/left/estop/clear"),
+        ["operator", "supervisor", "desk"]
+    );
+    for role in ["arbiter", "robot-sim"] {
+        assert!(who_may("egress", "put", "tandem/left/estop/clear").contains(&role.to_owned()));
+    }
+}
+
+#[test]
 fn everybody_may_ping_and_each_node_answers_for_itself() {
-    let nodes = ["operator", "predictor", "arbiter", "robot-sim", "recorder", "desk"];
+    let nodes = [
+        "operator",
+        "supervisor",
+        "predictor",
+        "arbiter",
+        "robot-sim",
+        "recorder",
+        "desk",
+    ];
     assert_eq!(who_may("egress", "query", "tandem/left/ping/*"), nodes);
     assert!(who_may("ingress", "query", "tandem/left/ping/*").contains(&"viewer".to_owned()));
     assert_eq!(who_may("ingress", "reply", "tandem/left/ping/arbiter"), ["arbiter"]);
@@ -133,6 +153,7 @@ fn everybody_may_ping_and_each_node_answers_for_itself() {
 fn everybody_may_stop_and_strangers_and_the_revoked_may_do_nothing() {
     let all = [
         "operator",
+        "supervisor",
         "predictor",
         "arbiter",
         "robot-sim",
@@ -170,7 +191,11 @@ fn no_wildcard_gets_past_the_rules() {
                 .into_iter()
                 // With all robots as its own, a put to all of them is within its rights.
                 .filter(|name| !(message == "put" && key == "tandem/*/setpoint" && name == "arbiter"))
-                .filter(|name| !(message == "put" && key == "tandem/*/command" && name == "operator"))
+                .filter(|name| {
+                    !(message == "put"
+                        && key == "tandem/*/command"
+                        && ["operator", "supervisor"].contains(&name.as_str()))
+                })
                 .collect();
             assert!(may.is_empty(), "{message} {key}: {may:?}");
         }
