@@ -64,41 +64,41 @@ impl fmt::Display for NodeName {
 /// What a message is about; with a robot's name it makes a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode)]
 pub enum Topic {
-    /// What the human wants: [`Command`](crate::Command).
+    /// What the human wants: [`Command`].
     Command,
-    /// What the robot would do: [`Proposal`](crate::Proposal).
+    /// What the robot would do: [`Proposal`].
     Proposal,
-    /// A whole forecast: [`Forecast`](crate::Forecast).
+    /// A whole forecast: [`Forecast`].
     Forecast,
-    /// What shall be done: [`Setpoint`](crate::Setpoint).
+    /// What shall be done: [`Setpoint`].
     Setpoint,
-    /// What the arm does: [`State`](crate::State).
+    /// What the arm does: [`State`].
     State,
-    /// Obstacles, start, goal, workspace: [`Scene`](crate::Scene).
+    /// Obstacles, start, goal, workspace: [`Scene`].
     Scene,
-    /// A trial begins or ends: [`Trial`](crate::Trial).
+    /// A trial begins or ends: [`Trial`].
     Trial,
-    /// What one node saw and answered: [`JournalBatch`](crate::JournalBatch).
+    /// What one node saw and answered: [`JournalBatch`].
     Journal(NodeName),
-    /// A node's configuration, build and model, for whoever asks: [`NodeInfo`](crate::NodeInfo).
+    /// A node's configuration, build and model, for whoever asks: [`NodeInfo`].
     Info(NodeName),
     /// Presence of a node; carries nothing.
     Alive(NodeName),
     /// A raw sample of an input device: stays inside the operator's process, and is journalled there.
     Device,
-    /// An operator wants the lease, or gives it up: [`Claim`](crate::Claim).
+    /// An operator wants the lease, or gives it up: [`Claim`].
     Lease,
-    /// Stop at once, whoever drives: [`Emergency`](crate::Emergency).
+    /// Stop at once, whoever drives: [`Emergency`].
     Emergency,
-    /// How well the session file is kept: [`Storage`](crate::Storage).
+    /// How well the session file is kept: [`Storage`].
     Storage,
-    /// What a node knows of its peers' clocks: [`ClockReport`](crate::ClockReport).
+    /// What a node knows of its peers' clocks: [`ClockReport`].
     Clock(NodeName),
-    /// Answers a ping, with nothing but times: [`Pong`](crate::Pong).
+    /// Answers a ping, with nothing but times: [`Pong`].
     Ping(NodeName),
-    /// An operator takes the lease from whoever holds it, a right of its own: [`Claim`](crate::Claim).
+    /// An operator takes the lease from whoever holds it, a right of its own: [`Claim`].
     TakeOver,
-    /// An emergency stop may end, a right of its own: [`Emergency`](crate::Emergency).
+    /// An emergency stop may end, a right of its own: [`Emergency`].
     AllClear,
 }
 

@@ -107,9 +107,11 @@ impl Process {
 /// Whether an emergency stop is in force, by what robot and arbiter have said of motion since this was asked last.
 fn is_stopped(word: &Observer) -> bool {
     let motion = |sighting: Sighting| match sighting {
-        Sighting::Sample { topic, bytes, .. } if topic == Topic::State => {
-            Some(decode::<State>(&bytes).ok()?.body.motion)
-        }
+        Sighting::Sample {
+            topic: Topic::State,
+            bytes,
+            ..
+        } => Some(decode::<State>(&bytes).ok()?.body.motion),
         Sighting::Sample { bytes, .. } => Some(decode::<Setpoint>(&bytes).ok()?.body.motion),
         Sighting::Presence { .. } => None,
     };
