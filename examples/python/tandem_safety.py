@@ -30,18 +30,18 @@ class Refusals:
 class Guard:
     """Admits one stream's messages in order, from one sender at a time, and knows when the stream is lost.
 
-    Another sender has to wait for `succession` after the last message of the one before.
+    A stranger has to wait for `succession` after the last message of the one before. Whoever lost its place to one may take it
+    back after the timeout.
     """
 
     def __init__(self, timeout, succession=0):
         self.timeout, self.succession = timeout, max(timeout, succession)
-        self.newest, self.arrived = None, 0
+        self.newest, self.before, self.arrived = None, None, 0
 
     def admit(self, now, head):
         if self.newest is not None:
             if self.newest["session"] != head["session"]:
-                if self.silent(now) <= self.succession:
-                    raise Refused("ForeignSession")
+                self._change(now, head)
             elif head["seq"] == self.newest["seq"]:
                 raise Refused("Duplicate")
             elif head["seq"] < self.newest["seq"]:
@@ -49,6 +49,15 @@ class Guard:
             elif head["seq"] - self.newest["seq"] > LEAP + 2 * self.silent(now) // MILLISECOND:
                 raise Refused("TooFarAhead")
         self.newest, self.arrived = {"session": head["session"], "seq": head["seq"]}, now
+
+    def _change(self, now, head):
+        """Another sender takes the place, if it may."""
+        returning = self.before is not None and self.before["session"] == head["session"]
+        if self.silent(now) <= (self.timeout if returning else self.succession):
+            raise Refused("ForeignSession")
+        if returning and head["seq"] <= self.before["seq"]:
+            raise Refused("OutOfOrder")
+        self.before = None if returning else self.newest  # whoever had only slipped in is a stranger again
 
     def silent(self, now):
         return max(0, now - self.arrived)

@@ -55,8 +55,8 @@ pub use evidence::{Evidence, Fault, NoEvidence, RecordedNode, Run};
 pub use heard::{Entry, Heard, JournalPart, Level, Note, Sample};
 pub use node::{Event, Output, Recorder};
 pub use reader::{
-    ChannelRead, Damage, Keep, NodeRecord, Noted, OffsetRead, PartsReader, Place, ReadError, Recorded, Recording, Reel,
-    ReelError, Repair, RepairError, Repaired, repair,
+    ChannelRead, Damage, Keep, NodeRecord, Noted, OffsetRead, PLAYED, PartsReader, Place, ReadError, Recorded,
+    Recording, Reel, ReelError, Repair, RepairError, Repaired, repair,
 };
 pub use session_file::{JOURNAL_ENCODING, Provenance, SessionFile, WriteError};
 pub use sinks::{

@@ -33,6 +33,21 @@ use gathering::Gathering;
 pub use reel::{Place, Reel, ReelError};
 pub use repair::{Repair, RepairError, Repaired, repair};
 
+/// The messages of the loop, which are played and exported, as opposed to what is about it.
+pub const PLAYED: [Topic; 11] = [
+    Topic::Command,
+    Topic::Proposal,
+    Topic::Forecast,
+    Topic::Setpoint,
+    Topic::State,
+    Topic::Scene,
+    Topic::Trial,
+    Topic::Lease,
+    Topic::TakeOver,
+    Topic::Emergency,
+    Topic::AllClear,
+];
+
 /// A session as its file holds it; of each message `B` is kept: its bytes, or the [`Place`] where they stand.
 #[derive(Clone, Debug, Default)]
 pub struct Recording<B = Vec<u8>> {

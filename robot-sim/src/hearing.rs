@@ -1,8 +1,8 @@
 //! What the robot has heard and may obey: the safety order's checks again, at the last hop.
 //!
-//! A setpoint is admitted only if its maker and whoever it obeys had seen a recent state of this robot, if it comes from the sender that is
-//! being listened to, and in order; all ages are by the robot's own clock. Whether an admitted setpoint may move the arm
-//! is then for [`Permission`] to say.
+//! A setpoint is admitted only if its maker and whoever it obeys had seen a recent state of this robot, if it comes from
+//! the sender that is being listened to, and in order; all ages are by the robot's own clock. Whether an admitted setpoint
+//! may move the arm is then for [`Permission`] to say.
 
 use bincode::{Decode, Encode};
 use tandem_wire::{

@@ -18,12 +18,12 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use crossbeam_channel::Receiver;
 use tandem_link::Reach;
-use tandem_recorder::{Place, Provenance, Recorded, RecorderConfig, RecorderSettings, Recording};
+use tandem_recorder::{PLAYED, Place, Provenance, Recorded, RecorderConfig, RecorderSettings, Recording};
 use tandem_wire::{Nanos, Pace, RobotName, SECOND, Stamp, Timing, Topic, keys};
 
 use crate::configuration::BadConfiguration;
 use crate::nodes::{self, NodeFlags};
-use crate::session::{self, PLAYED};
+use crate::session;
 use crate::{BUILD, Outcome, interrupt, verify};
 use player::{Plan, Player, Speed};
 use report::Report;

@@ -14,27 +14,12 @@ use clap::{Args, Subcommand};
 use tandem_link::LoopSettings;
 use tandem_recorder::Recording;
 use tandem_settings::Document;
-use tandem_wire::{Timing, Topic};
+use tandem_wire::Timing;
 
 use crate::{Outcome, verify};
 use export::Format;
 pub(crate) use family::{Part, load, open, parts};
 pub(crate) use verdict::note;
-
-/// What is played and exported.
-pub(crate) const PLAYED: [Topic; 11] = [
-    Topic::Command,
-    Topic::Proposal,
-    Topic::Forecast,
-    Topic::Setpoint,
-    Topic::State,
-    Topic::Scene,
-    Topic::Trial,
-    Topic::Lease,
-    Topic::TakeOver,
-    Topic::Emergency,
-    Topic::AllClear,
-];
 
 #[derive(Subcommand)]
 pub(crate) enum SessionCommands {

@@ -84,6 +84,8 @@ pub struct Guard {
     /// For so long another sender has to wait after the last message of the one before.
     succession: Nanos,
     newest: Option<MessageId>,
+    /// The newest of the sender whose place the present one took: it may come back as soon as this one is lost.
+    before: Option<MessageId>,
     arrived: Stamp,
 }
 
@@ -95,12 +97,13 @@ impl Guard {
             timeout,
             succession: timeout,
             newest: None,
+            before: None,
             arrived: Stamp(0),
         }
     }
 
-    /// Lets another sender in only after `silence`, if that is longer than the timeout: a sender that falters shall not have
-    /// lost its place to whoever comes by.
+    /// Lets a stranger in only after `silence`, if that is longer than the timeout: a sender that falters shall not have lost its
+    /// place to whoever comes by. If it has lost it all the same, it may take it back after the timeout.
     #[must_use]
     pub const fn with_succession_after(mut self, silence: Nanos) -> Self {
         if silence > self.timeout {
@@ -112,17 +115,15 @@ impl Guard {
     /// Takes in a message that arrived at `now`, or says why it must be dropped.
     ///
     /// A new session is admitted only once the old one is lost (or [longer](Self::with_succession_after)), so two senders never
-    /// alternate. A number may run ahead
-    /// only as far as time allows: one forged message of the last number there is must not make all others stragglers.
+    /// alternate. A number may run ahead only as far as time allows: one forged message of the last number there is must not
+    /// make all others stragglers.
     ///
     /// # Errors
     /// The reason why the message must be dropped.
     pub fn admit(&mut self, now: Stamp, header: &Header) -> Result<(), Refusal> {
         if let Some(newest) = self.newest {
             if newest.session != header.session {
-                if now.since(self.arrived) <= self.succession {
-                    return Err(Refusal::ForeignSession);
-                }
+                self.change(now, header)?;
             } else if header.seq == newest.seq {
                 return Err(Refusal::Duplicate);
             } else if header.seq < newest.seq {
@@ -133,6 +134,25 @@ impl Guard {
         }
         self.newest = Some(header.id());
         self.arrived = now;
+        Ok(())
+    }
+
+    /// Another sender takes the place, if it may.
+    fn change(&mut self, now: Stamp, header: &Header) -> Result<(), Refusal> {
+        let returning = self.before.filter(|before| before.session == header.session);
+        let wait = if returning.is_some() {
+            self.timeout
+        } else {
+            self.succession
+        };
+        if now.since(self.arrived) <= wait {
+            return Err(Refusal::ForeignSession);
+        }
+        if returning.is_some_and(|before| header.seq <= before.seq) {
+            return Err(Refusal::OutOfOrder);
+        }
+        // Whoever had only slipped in is a stranger again.
+        self.before = self.newest.filter(|_| returning.is_none());
         Ok(())
     }
 
@@ -178,9 +198,11 @@ impl Remember for Guard {
             timeout: _,
             succession: _,
             newest,
+            before,
             arrived,
         } = self;
         memory.part(newest)?;
+        memory.part(before)?;
         memory.part(arrived)
     }
 }
@@ -235,6 +257,26 @@ mod tests {
         assert_eq!(guard.admit(at(900), &header(1, 6)), Ok(()));
         assert_eq!(guard.admit(at(1900), &header(2, 1)), Err(Refusal::ForeignSession));
         assert_eq!(guard.admit(at(1901), &header(2, 2)), Ok(()));
+    }
+
+    #[test]
+    fn whoever_lost_its_place_takes_it_back_before_a_stranger_and_goes_on_counting() {
+        let mut guard = Guard::new(100 * MILLISECOND).with_succession_after(1000 * MILLISECOND);
+        guard.admit(at(0), &header(1, 5)).unwrap();
+        assert_eq!(guard.admit(at(1001), &header(2, 1)), Ok(()));
+        assert_eq!(guard.admit(at(1101), &header(1, 6)), Err(Refusal::ForeignSession));
+        assert_eq!(guard.admit(at(1102), &header(3, 1)), Err(Refusal::ForeignSession));
+        assert_eq!(
+            guard.admit(at(1102), &header(1, 5)),
+            Err(Refusal::OutOfOrder),
+            "it was said before"
+        );
+        assert_eq!(guard.admit(at(1102), &header(1, 60)), Ok(()));
+        assert_eq!(
+            guard.admit(at(1300), &header(2, 2)),
+            Err(Refusal::ForeignSession),
+            "it had only slipped in"
+        );
     }
 
     #[test]

@@ -7,7 +7,7 @@ use tandem_wire::{Happening, Header, JournalBatch, Nanos, NodeName, Seq, Session
 
 use super::damage::Damage;
 use super::records::Spot;
-use super::{ChannelRead, Keep, NodeRecord, Noted, OffsetRead, Place, Recorded, Recording, protobuf};
+use super::{ChannelRead, Keep, NodeRecord, Noted, OffsetRead, PLAYED, Place, Recorded, Recording, protobuf};
 use crate::heard::JournalPart;
 use crate::session_file::{COUNTS, JOURNAL_ENCODING, PART};
 use crate::tally::Tally;
@@ -90,7 +90,7 @@ impl<B: Keep> Gathering<B> {
         }
         let kind = match parsed {
             Some((_, Topic::Journal(node))) if channel.message_encoding == JOURNAL_ENCODING => Kind::Journal(node),
-            Some((_, topic)) if is_played(topic) => Kind::Message(topic),
+            Some((_, topic)) if PLAYED.contains(&topic) => Kind::Message(topic),
             Some((_, Topic::Clock(NodeName::Recorder))) => Kind::Clocks,
             None if channel.topic.starts_with(keys::ROOT) && channel.topic.ends_with("/log") => Kind::Log,
             _ => Kind::Other,
@@ -187,7 +187,7 @@ impl<B: Keep> Gathering<B> {
             let (Happening::Sample { topic, bytes } | Happening::Output { topic, bytes }) = entry.what else {
                 continue;
             };
-            if let (true, Ok((_, header))) = (is_played(topic), tandem_wire::codec::peek(&bytes)) {
+            if let (true, Ok((_, header))) = (PLAYED.contains(&topic), tandem_wire::codec::peek(&bytes)) {
                 let place = Place::new(self.part, spot, index);
                 self.bodies
                     .entry((topic, header.session, header.seq.0))
@@ -321,22 +321,4 @@ impl<B: Keep> Gathering<B> {
 /// What holds until the next of its kind, and so is repeated at the beginning of every part.
 const fn is_lasting(topic: Topic) -> bool {
     matches!(topic, Topic::Scene | Topic::Trial | Topic::Forecast)
-}
-
-/// What is a message of the loop, as opposed to what is about it.
-const fn is_played(topic: Topic) -> bool {
-    matches!(
-        topic,
-        Topic::Command
-            | Topic::Proposal
-            | Topic::Forecast
-            | Topic::Setpoint
-            | Topic::State
-            | Topic::Scene
-            | Topic::Trial
-            | Topic::Lease
-            | Topic::TakeOver
-            | Topic::Emergency
-            | Topic::AllClear
-    )
 }

@@ -11,24 +11,16 @@ use tandem_wire::{Input, Node as _, NodeName, Outbox, Ports as _, Stamp, Topic};
 use super::process::{POLL, Process};
 use crate::parts::{CLOSE_LIMIT, Parts};
 
-/// What is drawn, noted or measured. Proposals, journals and configurations are not.
-const SEEN: [Topic; 15] = [
-    Topic::Command,
-    Topic::Forecast,
-    Topic::Setpoint,
-    Topic::State,
-    Topic::Scene,
-    Topic::Trial,
-    Topic::Lease,
-    Topic::TakeOver,
-    Topic::Emergency,
-    Topic::AllClear,
-    Topic::Clock(NodeName::Operator),
-    Topic::Clock(NodeName::Predictor),
-    Topic::Clock(NodeName::Arbiter),
-    Topic::Clock(NodeName::RobotSim),
-    Topic::Clock(NodeName::Recorder),
-];
+/// What a recorder hears from others that is drawn, noted or measured. Proposals, journals and configurations are not.
+fn seen() -> Vec<Topic> {
+    let is_shown = |topic: &Topic| {
+        !matches!(
+            topic,
+            Topic::Proposal | Topic::Journal(_) | Topic::Info(_) | Topic::Device
+        )
+    };
+    Recorder::INPUTS.iter().copied().filter(is_shown).collect()
+}
 
 /// Connects as whoever may do least and still see all; `None` if the user gave up first.
 pub(super) fn begin(parts: &Parts) -> anyhow::Result<Option<Process>> {
@@ -48,7 +40,7 @@ fn role(settings: &LinkSettings) -> Role {
 /// Shows what is seen until Ctrl-C.
 pub(super) fn watch(parts: &Parts, process: &Process, sinks: Sinks) -> anyhow::Result<Closed> {
     let robots = [parts.link_settings().robot.clone()];
-    let network = Network::watch(&process.link, &robots, &SEEN)?;
+    let network = Network::watch(&process.link, &robots, &seen())?;
     let mut watcher = Watcher {
         node: parts.watcher(),
         outbox: Outbox::default(),
