@@ -81,11 +81,13 @@ fn a_killed_and_restarted_predictor_is_identical_up_to_its_last_entry() {
     .expect("the recorder answers");
     let watch = Watch {
         observer: Observer::new(&link, Pace::Real).expect("an observer"),
-        limit: Instant::now() + Duration::from_secs(60),
+        limit: Instant::now() + Duration::from_secs(120),
     };
     watch.until_alive(NodeName::Recorder);
     let start = |command: &str| Process::start(&[&[command], &connect[..]].concat());
     let predictor = start("predictor");
+    // One that comes when the human is past the checkpoint forecasts nothing.
+    watch.until_alive(NodeName::Predictor);
     let others = ["robot-sim", "arbiter", "operator"].map(|name| (name, start(name)));
 
     watch.until_said(Topic::Forecast, 1, None);

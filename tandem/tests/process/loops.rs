@@ -7,12 +7,12 @@ use std::net::TcpListener;
 use std::time::{Duration, Instant};
 
 use tandem_link::{Link, LinkSettings, Observer, Sighting};
-use tandem_wire::{Envelope, Message, Motion, Pace, State, Topic, decode};
+use tandem_wire::{Envelope, Message, Motion, NodeName, Pace, State, Topic, decode};
 
 use super::Process;
 
 /// Nobody waits longer for anything.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(120);
 /// Far above what a hand at rest trembles by, in metres per second.
 const MOVING: f64 = 0.03;
 
@@ -37,6 +37,8 @@ impl Loop {
             watch,
         };
         this.start("predictor");
+        // One that comes when the human is past the checkpoint forecasts nothing.
+        this.watch.until_alive(NodeName::Predictor);
         this.start("arbiter");
         this
     }
@@ -84,6 +86,15 @@ impl Watch {
         Self {
             observer: Observer::new(&link, Pace::Real).expect("an observer"),
             _link: link,
+        }
+    }
+
+    /// Waits until a node is there.
+    fn until_alive(&self, node: NodeName) {
+        let limit = Instant::now() + PATIENCE;
+        let is_there = |sighting| matches!(sighting, Sighting::Presence { peer, alive: true } if peer == node);
+        while !self.observer.next(Duration::from_secs(1)).is_some_and(is_there) {
+            assert!(Instant::now() < limit, "no {}", node.as_str());
         }
     }
 
