@@ -1,5 +1,6 @@
 //! `tandem what-if`: the human of a recorded session against another law or model, beside what was.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -30,7 +31,8 @@ pub(crate) struct WhatIfFlags {
     /// The model to meet [default: the session's].
     #[arg(long, value_name = "MODEL.cesn")]
     model: Option<PathBuf>,
-    /// Where to put the picture of both, what-if-LAW.rrd, or what-if-LAW-MODEL.rrd with --model [default: beside the session file].
+    /// The folder for the picture of both, what-if-LAW.rrd, or what-if-LAW-MODEL.rrd with --model; made if it is not there
+    /// [default: beside the session file].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Prints the figures as one JSON object.
@@ -50,6 +52,9 @@ pub(crate) fn run(flags: &WhatIfFlags) -> anyhow::Result<Outcome> {
     };
     let answer = ask(&recording, &evidence, &change, began)?;
     let picture = flags.picture(&answer);
+    if let Some(folder) = &flags.out {
+        fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    }
     draw(&picture, flags, &recording, &answer)?;
     let report = Report {
         answer: &answer,

@@ -33,7 +33,8 @@ fn session() -> PathBuf {
 
 fn what_if(flags: &[&str]) -> (Value, tempfile::TempDir) {
     let folder = tempfile::tempdir().expect("a folder");
-    let common = ["what-if", text(&session()), "--json", "--out", text(folder.path())].map(str::to_owned);
+    let pictures = folder.path().join("pictures");
+    let common = ["what-if", text(&session()), "--json", "--out", text(&pictures)].map(str::to_owned);
     let arguments: Vec<&str> = common.iter().map(String::as_str).chain(flags.iter().copied()).collect();
     let output = tandem(&arguments);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -59,7 +60,7 @@ fn with_nothing_changed_a_lockstep_session_comes_out_byte_for_byte() {
     ] {
         assert_eq!(trial["original"][figure], trial["alternative"][figure], "{figure}");
     }
-    assert!(folder.path().join("what-if-adaptive.rrd").is_file());
+    assert!(folder.path().join("pictures/what-if-adaptive.rrd").is_file());
 }
 
 #[test]
@@ -87,7 +88,7 @@ fn the_human_alone_takes_another_path_with_the_same_commands() {
     let not_known = answer["not_known"].to_string();
     assert!(not_known.contains("would have reacted differently"), "{not_known}");
     assert!(not_known.contains("what these commands alone give"), "{not_known}");
-    assert!(folder.path().join("what-if-human.rrd").is_file());
+    assert!(folder.path().join("pictures/what-if-human.rrd").is_file());
 }
 
 #[test]
@@ -113,7 +114,7 @@ fn another_model_and_the_attentive_law_meet_the_same_commands() {
     let trial = &answer["trials"][0];
     // Another model says nothing before the checkpoint either.
     assert!(trial["parts_at_tick"].as_u64().is_some_and(|tick| tick > 30), "{trial}");
-    assert!(pictures.path().join("what-if-attentive-small.rrd").is_file());
+    assert!(pictures.path().join("pictures/what-if-attentive-small.rrd").is_file());
 }
 
 #[test]

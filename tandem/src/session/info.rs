@@ -1,5 +1,6 @@
 //! What a person wants to know of a session file.
 
+mod arrivals;
 mod facts;
 mod latency;
 
@@ -9,6 +10,7 @@ use tandem_wire::Topic;
 
 use super::verdict::Known;
 use crate::table;
+use arrivals::ArrivalsRead;
 use facts::{Event, Facts, Stop};
 use latency::{HopRead, OffsetRead};
 
@@ -71,6 +73,7 @@ fn json(recording: &Recording, facts: &Facts, verdict: &Known) -> Value {
         "gaps_forgotten": recording.counts.gaps_forgotten,
         "clocks": clocks.collect::<Vec<_>>(),
         "offsets": facts.offsets.iter().map(OffsetRead::json).collect::<Vec<_>>(),
+        "setpoints": facts.setpoints.as_ref().map(ArrivalsRead::json),
         "latency": facts.hops.iter().map(HopRead::json).collect::<Vec<_>>(),
         "closed": facts.is_closed,
         "dropped_before_file": facts.dropped,
@@ -112,6 +115,7 @@ fn text(recording: &Recording, facts: &Facts, verdict: &Known) -> String {
     rows.extend(stop_rows(&facts.stops).into_iter().map(|row| ("stops", row)));
     rows.extend(stop_rows(&facts.holds).into_iter().map(|row| ("held", row)));
     rows.extend(gap_rows(recording).into_iter().map(|row| ("missing", row)));
+    rows.extend(facts.setpoints.iter().map(|read| ("setpoints", read.row())));
     rows.extend(facts.hops.iter().map(|hop| ("latency", hop.row())));
     rows.extend(clock_rows(facts).into_iter().map(|row| ("clock", row)));
     rows.extend(facts.trouble.iter().map(|trouble| ("recorder", trouble.clone())));

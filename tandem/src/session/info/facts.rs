@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use tandem_recorder::{ClockOffset, Level, NodeRecord, Noted, Recording};
 use tandem_wire::{Pace, Topic, Trial, decode, keys, seconds};
 
+use super::arrivals::ArrivalsRead;
 use super::latency::{self, HopRead, OffsetRead};
 use crate::session::timing;
 
@@ -27,6 +28,8 @@ pub(super) struct Facts {
     pub(super) clocks: Vec<ClockOffset>,
     /// The clocks as measured both ways.
     pub(super) offsets: Vec<OffsetRead>,
+    /// At a robot that expects a setpoint every millisecond.
+    pub(super) setpoints: Option<ArrivalsRead>,
     /// Where the time went.
     pub(super) hops: Vec<HopRead>,
     /// Whether the counts were written at the end.
@@ -80,6 +83,7 @@ impl Facts {
             trouble: trouble(recording),
             clocks: recording.counts.clocks.iter().filter(|_| is_paced).copied().collect(),
             offsets: latency::offsets(&recording.closing),
+            setpoints: ArrivalsRead::of(recording),
             hops: latency::hops(&recording.closing),
             is_closed: recording.closing.get("closed").is_some_and(|closed| closed == "true"),
             dropped: recording.closing.get(DROPPED).and_then(|number| number.parse().ok()),
