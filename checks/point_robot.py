@@ -113,6 +113,20 @@ def silence_stops_it_within_110_ms_and_the_old_press_is_spent():
     assert bench.reason() == "AwaitingPress" and bench.state["at_rest"]
 
 
+def a_stop_is_told_although_setpoints_come_again_before_the_next_state():
+    bench = Bench()
+    bench.drive()
+    bench.idle(4)
+    bench.setpoint(("Permitted", {"press": 1}))
+    bench.idle(102)
+    assert bench.reason() is None, "no state has come since the stop"
+    bench.setpoint(("Permitted", {"press": 1}))
+    bench.idle(20)
+    assert bench.reason() == "SetpointLost", bench.state["motion"]
+    bench.flow(("Permitted", {"press": 1}), 1)
+    assert bench.reason() == "AwaitingPress"
+
+
 def it_brakes_within_its_acceleration():
     bench = Bench()
     bench.flow(RELEASED, 2)

@@ -112,6 +112,7 @@ class PointRobot:
         self.hearing = Hearing(max(settings.timeout, 5 * self._message_period() // 2), settings.loop_age_limit)
         self.latch, self.trials = Latch(), Trials()
         self.motion, self.obeys, self.waiting = ("Held", "NoSetpointYet"), None, None
+        self.untold = None  # why it stopped by itself, until a state has told it
         self.tick, self.in_step, self.time = 0, False, 0
         self.state_seq = self.scene_seq = 0
         self.next_state = self.next_scene = 0
@@ -177,7 +178,8 @@ class PointRobot:
         lockstep = self.settings.lockstep
         if lockstep and (not self.in_step or head["tick"] != self.tick):
             raise Refused("OutOfOrder")
-        self.motion = self.hearing.admit(now, head, body)
+        motion = self.hearing.admit(now, head, body)
+        self.motion = self.untold if self.untold and motion[0] == "Held" else motion
         if body["motion"][0] == "Permitted" and self.trials.number == 0:
             self._hold("NoTrial")
         self.latch.hear_of(body["motion"])
@@ -226,7 +228,9 @@ class PointRobot:
     def _watch(self, now):
         lost = None if self.settings.lockstep else self.hearing.newly_lost(now)
         if lost:
-            self.motion = ("Held", lost)
+            stopped = ("Held", lost)
+            self.untold = stopped if self.motion[0] == "Permitted" else self.untold
+            self.motion = stopped
             self._keep_stopped()
 
     def _step(self):
@@ -264,6 +268,7 @@ class PointRobot:
     def _publish_state(self, now, out):
         period = self.settings.stream_period
         self.next_state, self.state_seq = (now // period + 1) * period, self.state_seq + 1
+        self.untold = None
         pose, here = {"position": self.point.place, "orientation": POINTING_DOWN}, self.settings.clearance(self.point.place)
         state = {
             "trial": self.trials.number,

@@ -70,6 +70,8 @@ pub struct RobotSim {
     hearing: Hearing,
     inner: Inner,
     motion: Motion,
+    /// Why the robot stopped by itself, until a state has told it.
+    untold: Option<Reason>,
     latch: Latch,
     pulse: Pulse,
     trial: Running,
@@ -102,6 +104,7 @@ impl RobotSim {
             hearing: Hearing::new(&timing),
             inner,
             motion: Motion::Held(Reason::NoSetpointYet),
+            untold: None,
             latch: Latch::default(),
             pulse: Pulse::default(),
             trial: Running::default(),
@@ -158,7 +161,11 @@ impl RobotSim {
 
     fn obey(&mut self, now: Stamp, motion: Motion, setpoint: Envelope<Setpoint>) {
         let was_permitted = self.motion.is_permitted();
-        self.motion = motion;
+        self.motion = match (motion, self.untold) {
+            // The next setpoint may come within a millisecond, and what it says would hide this.
+            (Motion::Held(_), Some(reason)) => Motion::Held(reason),
+            _ => motion,
+        };
         if setpoint.body.motion.is_permitted() && self.trial.number == 0 {
             self.hold(Reason::NoTrial);
         }
@@ -269,7 +276,7 @@ impl RobotSim {
         }
         if let Some(in_a_row) = self.pulse.tick() {
             self.hearing.forget_press();
-            self.motion = Motion::Held(Reason::SetpointsMissed { in_a_row });
+            self.stop_by_itself(Reason::SetpointsMissed { in_a_row });
         }
     }
 
@@ -286,9 +293,16 @@ impl RobotSim {
         if (self.timing.pace == Pace::Real || self.in_step)
             && let Some(reason) = self.hearing.newly_lost(now)
         {
-            self.motion = Motion::Held(reason);
+            self.stop_by_itself(reason);
             self.keep_stopped();
         }
+    }
+
+    fn stop_by_itself(&mut self, reason: Reason) {
+        if self.motion.is_permitted() {
+            self.untold = Some(reason);
+        }
+        self.motion = Motion::Held(reason);
     }
 
     /// Begins the trial that waits for it, once the arm stands. In lockstep time stands still too, so there it need

@@ -74,6 +74,20 @@ fn twenty_misses_in_a_row_stop_the_arm_and_motion_needs_a_fresh_press() {
 }
 
 #[test]
+fn a_stop_is_told_although_setpoints_come_again_before_the_next_state() {
+    let mut stage = franka();
+    pulses(&mut stage, 40..60, RELEASED, |_| true);
+    pulses(&mut stage, 60..301, pressed(1), |_| true);
+    // The last state was that of 320 ms when the stop comes, and setpoints are back before that of 340 ms.
+    pulses(&mut stage, 301..322, pressed(1), |_| false);
+    pulses(&mut stage, 322..341, pressed(1), |_| true);
+    let missed = Reason::SetpointsMissed { in_a_row: 20 };
+    assert_eq!(stage.state().body.motion, Motion::Held(missed));
+    pulses(&mut stage, 341..361, pressed(1), |_| true);
+    assert_eq!(stage.state().body.motion, Motion::Held(Reason::AwaitingPress));
+}
+
+#[test]
 fn a_stream_at_the_usual_rate_is_just_borne_and_a_slower_one_is_not() {
     let mut stage = franka();
     pulses(&mut stage, 40..60, RELEASED, |_| true);

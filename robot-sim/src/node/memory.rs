@@ -14,6 +14,7 @@ impl Remember for RobotSim {
             hearing,
             inner,
             motion,
+            untold,
             latch,
             pulse,
             trial,
@@ -28,6 +29,7 @@ impl Remember for RobotSim {
         hearing.remember(memory)?;
         inner.remember(memory)?;
         memory.part(motion)?;
+        memory.part(untold)?;
         memory.part(latch)?;
         memory.part(pulse)?;
         memory.part(trial)?;

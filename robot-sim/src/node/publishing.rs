@@ -31,6 +31,7 @@ impl RobotSim {
 
     pub(super) fn publish_state(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         self.next_state = next_multiple(now, self.timing.stream_period);
+        self.untold = None;
         let situation = Situation {
             trial: self.trial.number,
             trial_start: self.trial.start,
