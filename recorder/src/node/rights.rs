@@ -8,9 +8,14 @@ use tandem_wire::{Claim, Emergency, Envelope, Label, Latch, Lease, NodeName, Ses
 use super::notes::{info, warning};
 use crate::heard::{Level, Note};
 
+/// A press may be heard before the claim that comes with it, which tells the name: so many setpoints are waited for it.
+const NAMED_WITHIN: u32 = 25;
+
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rights {
     lease: Option<Lease>,
+    /// Setpoints so far in which a new holder has no name.
+    nameless: u32,
     asks: Option<Label>,
     claim: Option<(Session, Claim)>,
     stop: Latch,
@@ -42,9 +47,15 @@ impl Rights {
 
     /// Who holds the lease, as a setpoint says it.
     pub(super) fn hear_lease(&mut self, lease: Option<Lease>) -> Option<Note> {
-        if std::mem::replace(&mut self.lease, lease) == lease {
+        if self.lease == lease {
             return None;
         }
+        if lease.is_some_and(|lease| lease.name.is_empty()) && self.nameless < NAMED_WITHIN {
+            self.nameless += 1;
+            return None;
+        }
+        self.nameless = 0;
+        self.lease = lease;
         let text = match lease {
             Some(Lease { number, name, .. }) => format!("{} holds the lease, grant {number}", called(name)),
             None => "nobody holds the lease".to_owned(),
@@ -129,7 +140,12 @@ mod tests {
         assert_eq!(hear(None), "");
         assert_eq!(hear(lease(1, "ada")), "ada holds the lease, grant 1");
         assert_eq!(hear(lease(1, "ada")), "");
-        assert_eq!(hear(lease(2, "")), "somebody without a name holds the lease, grant 2");
         assert_eq!(hear(None), "nobody holds the lease");
+        assert_eq!(hear(lease(2, "")), "", "its name may still be under way");
+        assert_eq!(hear(lease(2, "bob")), "bob holds the lease, grant 2");
+        for _ in 0..NAMED_WITHIN {
+            assert_eq!(hear(lease(3, "")), "");
+        }
+        assert_eq!(hear(lease(3, "")), "somebody without a name holds the lease, grant 3");
     }
 }
