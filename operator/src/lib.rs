@@ -17,6 +17,9 @@
 //! | presence | nothing else: presence is not safety |
 //! | stop | a last command with the deadman released, then silence |
 //!
+//! An emergency stop is called until a state acknowledges it, and again to a robot that was started anew without one
+//! (`alarm.rs`).
+//!
 //! The first command is always released, and so is every command while there is no picture: a human who sees nothing
 //! does not drive. After any stop, motion needs a fresh press, which has a number of its own.
 //!
@@ -39,6 +42,7 @@
 
 #![forbid(unsafe_code)]
 
+mod alarm;
 mod config;
 mod device;
 mod family;

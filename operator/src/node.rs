@@ -3,10 +3,11 @@
 use bincode::{Decode, Encode};
 use tandem_wire::{
     Claim, Command, Deadman, Emergency, Envelope, Label, Malformed, Memory, Node, NodeName, Numbering, Outbox, Pace,
-    Reason, Refusal, Refusals, Remember, Session, Stamp, State, StateGuard, Storage, TaskFrame, Timing, Topic, Trial,
+    Refusal, Refusals, Remember, Session, Stamp, State, StateGuard, Storage, TaskFrame, Timing, Topic, Trial,
     Unreadable, Wish,
 };
 
+use crate::alarm::Alarm;
 use crate::config::{HumanConfig, HumanSettings, KeyConfig, OperatorSettings, SourceKind};
 use crate::device::{Asked, DeviceSample, Keyboard};
 use crate::human::SimulatedHuman;
@@ -75,8 +76,7 @@ pub struct Operator {
     emergencies: Numbering,
     session: Session,
     name: Label,
-    /// An emergency stop of ours that no state has told of yet.
-    stopping: bool,
+    alarm: Alarm,
     states: StateGuard,
     refused: Refusals,
     eyes: Eyes,
@@ -130,7 +130,7 @@ impl Operator {
             emergencies: Numbering::new(session),
             session,
             name: Label::new(&settings.name),
-            stopping: false,
+            alarm: Alarm::default(),
             states: StateGuard::new(&timing),
             refused: Refusals::default(),
             eyes: Eyes::new(frame),
@@ -154,6 +154,7 @@ impl Operator {
             return;
         }
         let (seen, sight) = self.eyes.see(state);
+        self.alarm.see(self.session, &seen);
         self.picture = Picture::Live(seen);
         self.newest_trial = self.newest_trial.max(seen.trial);
         self.source.see(&sight);
@@ -193,8 +194,8 @@ impl Operator {
     /// An emergency stop needs no picture; what is said about the lease needs none either.
     fn ask(&mut self, now: Stamp, asked: Asked, outbox: &mut Outbox<Output>) {
         if asked.stop {
-            self.stopping = true;
-            self.cry_stop(now, outbox);
+            self.alarm.press();
+            self.call_stop(now, outbox);
         }
         if asked.release {
             self.claim(now, Wish::Release, outbox);
@@ -214,20 +215,9 @@ impl Operator {
         outbox.push(Output::Claim(numbering.envelope(now, tick, claim)));
     }
 
-    fn cry_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
+    fn call_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
         let stop = Emergency::Stop { by: self.name };
         outbox.push(Output::Emergency(self.emergencies.envelope(now, self.tick(), stop)));
-    }
-
-    /// Repeats an emergency stop with every command until a state acknowledges it: this one, for another one may be cleared
-    /// while ours never came through. However long the line is down, for that may be why somebody stops.
-    fn repeat_stop(&mut self, now: Stamp, outbox: &mut Outbox<Output>) {
-        let told = self.picture.live().and_then(|seen| seen.motion.reason());
-        let heard = matches!(told, Some(Reason::EmergencyStop { stop, .. }) if stop.session == self.session);
-        self.stopping &= !heard;
-        if self.stopping {
-            self.cry_stop(now, outbox);
-        }
     }
 
     /// Says goodbye. In lockstep a command only ever answers a state, and without one nothing moves anyway.
@@ -263,7 +253,9 @@ impl Operator {
 
     fn send(&mut self, now: Stamp, tick: u32, outbox: &mut Outbox<Output>) {
         let command = self.command(self.deadman());
-        self.repeat_stop(now, outbox);
+        if self.alarm.calls() {
+            self.call_stop(now, outbox);
+        }
         if command.deadman != Deadman::Released && command.deadman != self.pressed {
             self.claim(now, Wish::Drive, outbox);
         }
@@ -313,7 +305,7 @@ impl Operator {
             seen: self.picture.live().copied(),
             session: self.session,
             wish: self.source.wish(),
-            unheard_stop: self.stopping,
+            unheard_stop: self.alarm.calls(),
             recording: self.recording,
             refused: self.refused,
         };
@@ -336,7 +328,7 @@ impl Remember for Operator {
             emergencies,
             session: _,
             name: _,
-            stopping,
+            alarm,
             states,
             refused,
             eyes,
@@ -355,7 +347,7 @@ impl Remember for Operator {
         claims.remember(memory)?;
         take_overs.remember(memory)?;
         emergencies.remember(memory)?;
-        memory.part(stopping)?;
+        memory.part(alarm)?;
         memory.part(pressed)?;
         states.remember(memory)?;
         memory.part(refused)?;

@@ -272,6 +272,46 @@ fn the_status_line_says_who_drives_or_why_nobody_does() {
     insta::assert_snapshot!(line, @"no key held · robot holds: the deadman is released · tool 0.500 -0.300 0.150 m · trial 2");
 }
 
+/// How many emergency stops are among them.
+fn stops(outputs: &[Output]) -> usize {
+    let stop = |output: &&Output| matches!(output, Output::Emergency(_));
+    outputs.iter().filter(stop).count()
+}
+
+/// What a robot tells of one; the operator's own session is 5.
+fn emergency_stop(session: u64) -> Reason {
+    let (session, seq) = (Session(session), Seq(1));
+    Reason::EmergencyStop {
+        stop: MessageId { session, seq },
+        by: Label::new("operator"),
+    }
+}
+
+#[test]
+fn an_emergency_stop_is_called_again_to_a_robot_that_is_started_anew_without_it() {
+    let (mut rig, mut robot) = (Rig::keyboard(), Robot::default());
+    robot.stop(emergency_stop(99));
+    show(&mut rig, 0, &mut robot);
+    assert_eq!(stops(&flow(&mut rig, 300)), 0, "the robot obeys it");
+    robot.header.session = Session(78);
+    robot.stop(Reason::NoSetpointYet);
+    show(&mut rig, 301, &mut robot);
+    assert_eq!(stops(&flow(&mut rig, 340)), 0, "the arbiter may know of it");
+    robot.stop(Reason::AwaitingPress);
+    show(&mut rig, 341, &mut robot);
+    assert!(stops(&flow(&mut rig, 400)) >= 2, "it was lost with both of them");
+    robot.stop(emergency_stop(5));
+    show(&mut rig, 401, &mut robot);
+    assert_eq!(stops(&flow(&mut rig, 440)), 0, "heard");
+    robot.stop(Reason::AwaitingPress);
+    show(&mut rig, 441, &mut robot);
+    assert_eq!(
+        stops(&flow(&mut rig, 500)),
+        0,
+        "the same robot was told that it is over"
+    );
+}
+
 #[test]
 fn keys_stop_give_up_and_take_over_and_a_stop_is_repeated_until_it_is_heard() {
     let (mut rig, mut robot) = (Rig::keyboard(), Robot::default());
@@ -293,22 +333,12 @@ fn keys_stop_give_up_and_take_over_and_a_stop_is_repeated_until_it_is_heard() {
         };
         outputs.iter().filter_map(wish).collect::<Vec<_>>()
     };
-    let stops = |outputs: &[Output]| {
-        let stop = |output: &&Output| matches!(output, Output::Emergency(_));
-        outputs.iter().filter(stop).count()
-    };
     rig.step(at(1), sample(0, 0, 0));
     assert_eq!(wishes(&rig.step(at(2), sample(0, 1, 0))), [Wish::Release]);
     assert_eq!(wishes(&rig.step(at(3), sample(0, 1, 1))), [Wish::TakeOver]);
     assert_eq!(stops(&rig.step(at(4), sample(1, 1, 1))), 1);
     assert!(stops(&flow(&mut rig, 60)) >= 2, "nobody has answered");
-    let by = Label::new("operator");
-    let told = |session| {
-        let (session, seq) = (Session(session), Seq(1));
-        let stop = MessageId { session, seq };
-        Reason::EmergencyStop { stop, by }
-    };
-    robot.stop(told(99));
+    robot.stop(emergency_stop(99));
     show(&mut rig, 61, &mut robot);
     assert!(
         stops(&flow(&mut rig, 10_000)) >= 400,
@@ -320,7 +350,7 @@ fn keys_stop_give_up_and_take_over_and_a_stop_is_repeated_until_it_is_heard() {
             .to_string()
             .starts_with("EMERGENCY STOP NOT ACKNOWLEDGED")
     );
-    robot.stop(told(5));
+    robot.stop(emergency_stop(5));
     show(&mut rig, 10_001, &mut robot);
     assert_eq!(stops(&flow(&mut rig, 10_060)), 0, "the robot has heard it");
     assert!(rig.status.unwrap().to_string().contains("emergency stop by operator"));

@@ -17,6 +17,22 @@ fn told(robot: &str, endpoint: &str, arguments: &[&str]) -> (Option<i32>, Value)
 }
 
 #[test]
+fn an_emergency_stop_outlives_robot_and_arbiter_where_an_operator_saw_it() {
+    let mut running = Loop::moving("outlived");
+    let endpoint = running.endpoint.clone();
+    let (code, said) = told("outlived", &endpoint, &["estop", "--by", "ada"]);
+    assert_eq!(code, Some(0), "{said}");
+    running.kill("arbiter");
+    running.kill("robot-sim");
+    running.restart_robot();
+    running.start("arbiter");
+    let stopped = running.watch.until_stopped_by("operator");
+    assert!(stopped.at_rest, "{stopped:?}");
+    let (code, said) = told("outlived", &endpoint, &["estop", "--clear"]);
+    assert_eq!((code, &said["cleared"]), (Some(0), &Value::Bool(true)), "{said}");
+}
+
+#[test]
 fn an_emergency_stop_is_acknowledged_by_both_and_holds_until_it_is_cleared() {
     let running = Loop::moving("stopped");
     let run = |arguments: &[&str]| told("stopped", &running.endpoint, arguments);

@@ -7,7 +7,7 @@ use std::net::TcpListener;
 use std::time::{Duration, Instant};
 
 use tandem_link::{Link, LinkSettings, Observer, Sighting};
-use tandem_wire::{Envelope, Message, Motion, NodeName, Pace, State, Topic, decode};
+use tandem_wire::{Envelope, Message, Motion, NodeName, Pace, Reason, State, Topic, decode};
 
 use super::Process;
 
@@ -28,7 +28,7 @@ impl Loop {
     /// The robot, which routes, the predictor and the arbiter; the operator comes when it is started.
     pub(crate) fn without_operator(robot: &str) -> Self {
         let endpoint = format!("tcp/127.0.0.1:{}", free_port());
-        let robot_sim = Process::start(&["robot-sim", "--robot", robot, "--listen", &endpoint]);
+        let robot_sim = start_robot(robot, &endpoint);
         let watch = Watch::new(robot, &endpoint);
         let mut this = Self {
             endpoint,
@@ -60,6 +60,11 @@ impl Loop {
     pub(crate) fn start_through(&mut self, node: &'static str, endpoint: &str) {
         let process = Process::start(&[node, "--robot", &self.robot, "--connect", endpoint]);
         self.nodes.insert(node, process);
+    }
+
+    /// Starts another robot where the first one was; who watches dials again by itself.
+    pub(crate) fn restart_robot(&mut self) {
+        self.nodes.insert("robot-sim", start_robot(&self.robot, &self.endpoint));
     }
 
     /// Kills a node as a power cut would.
@@ -139,11 +144,21 @@ impl Watch {
         }
     }
 
+    /// Waits until an emergency stop by this name is in force, and gives that state.
+    pub(crate) fn until_stopped_by(&self, name: &str) -> State {
+        let is_so = |state: &Envelope<State>| matches!(state.body.motion.reason(), Some(Reason::EmergencyStop { by, .. }) if by.to_string() == name);
+        self.until("the emergency stop", Topic::State, is_so).body
+    }
+
     /// Waits until the arm stands, and gives that state.
     pub(crate) fn until_standing(&self) -> State {
         let stands = |state: &Envelope<State>| !state.body.motion.is_permitted() && state.body.at_rest;
         self.until("rest", Topic::State, stands).body
     }
+}
+
+fn start_robot(robot: &str, endpoint: &str) -> Process {
+    Process::start(&["robot-sim", "--robot", robot, "--listen", endpoint])
 }
 
 /// A port that was free a moment ago.
