@@ -2,60 +2,21 @@
 
 mod process;
 
-use std::net::TcpListener;
 use std::process::Command;
-use std::time::{Duration, Instant};
 
 use process::Process;
+use process::loops::{Watch, free_port};
 use serde_json::Value;
-use tandem_link::{Link, LinkSettings, Observer, Sighting};
-use tandem_wire::{NodeName, Pace, Session, Topic, codec};
+use tandem_wire::{Envelope, Forecast, NodeName, Proposal, Session, Topic};
 
-/// What is seen on the network, with an end to patience.
-struct Watch {
-    observer: Observer,
-    limit: Instant,
-}
-
-impl Watch {
-    fn until(&self, what: &str, mut found: impl FnMut(&Sighting) -> bool) {
-        while Instant::now() < self.limit {
-            if self
-                .observer
-                .next(Duration::from_secs(1))
-                .is_some_and(|sighting| found(&sighting))
-            {
-                return;
-            }
-        }
-        panic!("{what} does not come");
-    }
-
-    fn until_alive(&self, node: NodeName) {
-        self.until(
-            node.as_str(),
-            |sighting| matches!(sighting, Sighting::Presence { peer, alive: true } if *peer == node),
-        );
-    }
-
-    /// Waits for so many messages of a topic, of any run but `not`, and says whose run the last one was.
-    fn until_said(&self, topic: Topic, count: usize, not: Option<Session>) -> Session {
-        let (mut seen, mut session) = (0, Session(0));
-        self.until(&topic.suffix(), |sighting| {
-            if let Sighting::Sample {
-                topic: heard, bytes, ..
-            } = sighting
-                && *heard == topic
-                && let Ok((_, header)) = codec::peek(bytes)
-                && Some(header.session) != not
-            {
-                seen += 1;
-                session = header.session;
-            }
-            seen >= count
-        });
-        session
-    }
+/// Waits for so many proposals of any run but `not`, and says whose run the last one was.
+fn until_proposed(watch: &Watch, count: usize, not: Option<Session>) -> Session {
+    let mut seen = 0;
+    let enough = |proposal: &Envelope<Proposal>| {
+        seen += usize::from(Some(proposal.header.session) != not);
+        seen >= count
+    };
+    watch.until("a proposal", Topic::Proposal, enough).header.session
 }
 
 #[test]
@@ -63,26 +24,13 @@ impl Watch {
 fn a_killed_and_restarted_predictor_is_identical_up_to_its_last_entry() {
     let folder = tempfile::tempdir().expect("a folder");
     let session = folder.path().join("killed.mcap");
-    let port = TcpListener::bind("127.0.0.1:0")
-        .and_then(|listener| listener.local_addr())
-        .expect("a free port")
-        .port();
-    let endpoint = format!("tcp/127.0.0.1:{port}");
+    let endpoint = format!("tcp/127.0.0.1:{}", free_port());
     let connect = ["--robot", "killed", "--connect", endpoint.as_str()];
 
     // The recorder is there before anybody has something to say, so that every journal is whole.
     let path = session.to_str().expect("a plain path");
     let recorder = Process::start(&["recorder", "--record", path, "--robot", "killed", "--listen", &endpoint]);
-    let link = Link::open(&LinkSettings {
-        robot: "killed".into(),
-        connect: vec![endpoint.clone()],
-        ..LinkSettings::default()
-    })
-    .expect("the recorder answers");
-    let watch = Watch {
-        observer: Observer::new(&link, Pace::Real).expect("an observer"),
-        limit: Instant::now() + Duration::from_secs(120),
-    };
+    let watch = Watch::new("killed", &endpoint);
     watch.until_alive(NodeName::Recorder);
     let start = |command: &str| Process::start(&[&[command], &connect[..]].concat());
     let predictor = start("predictor");
@@ -90,12 +38,12 @@ fn a_killed_and_restarted_predictor_is_identical_up_to_its_last_entry() {
     watch.until_alive(NodeName::Predictor);
     let others = ["robot-sim", "arbiter", "operator"].map(|name| (name, start(name)));
 
-    watch.until_said(Topic::Forecast, 1, None);
-    let first = watch.until_said(Topic::Proposal, 10, None);
+    watch.until("a forecast", Topic::Forecast, |_: &Envelope<Forecast>| true);
+    let first = until_proposed(&watch, 10, None);
     predictor.kill();
     let again = start("predictor");
-    watch.until_said(Topic::Proposal, 50, Some(first));
-    link.close();
+    until_proposed(&watch, 50, Some(first));
+    drop(watch);
     for (name, process) in [("predictor", again)]
         .into_iter()
         .chain(others)

@@ -81,13 +81,13 @@ pub(crate) struct Watch {
 }
 
 impl Watch {
-    fn new(robot: &str, endpoint: &str) -> Self {
+    pub(crate) fn new(robot: &str, endpoint: &str) -> Self {
         let settings = LinkSettings {
             robot: robot.into(),
             connect: vec![endpoint.into()],
             ..LinkSettings::default()
         };
-        let link = Link::open(&settings).expect("the robot's process answers");
+        let link = Link::open(&settings).expect("whoever listens answers");
         Self {
             observer: Observer::new(&link, Pace::Real).expect("an observer"),
             _link: link,
@@ -95,7 +95,7 @@ impl Watch {
     }
 
     /// Waits until a node is there.
-    fn until_alive(&self, node: NodeName) {
+    pub(crate) fn until_alive(&self, node: NodeName) {
         let limit = Instant::now() + PATIENCE;
         let is_there = |sighting| matches!(sighting, Sighting::Presence { peer, alive: true } if peer == node);
         while !self.observer.next(Duration::from_secs(1)).is_some_and(is_there) {
