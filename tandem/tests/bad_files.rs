@@ -1,17 +1,13 @@
 //! Every command that reads a session, on files that are none, or damaged ones: a sentence and an exit code, never a
 //! panic; and what can be read is read.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
-use std::sync::OnceLock;
+mod process;
 
-fn tandem(arguments: &[&str]) -> Output {
-    let output = Command::new(env!("CARGO_BIN_EXE_tandem"))
-        .args(arguments)
-        .stdin(Stdio::null())
-        .output();
-    output.expect("tandem starts")
-}
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use process::Process;
+use process::recorded::{self, text};
 
 fn said(output: &Output) -> String {
     [&output.stdout, &output.stderr]
@@ -19,20 +15,9 @@ fn said(output: &Output) -> String {
         .concat()
 }
 
-fn text(path: &Path) -> &str {
-    path.to_str().expect("a plain path")
-}
-
-/// One demo in lockstep for all tests of this file.
-fn session() -> &'static [u8] {
-    static RECORDED: OnceLock<Vec<u8>> = OnceLock::new();
-    RECORDED.get_or_init(|| {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("demo.mcap");
-        let demo = tandem(&["demo", "--pace", "max", "--record", text(&path)]);
-        assert!(demo.status.success(), "{}", said(&demo));
-        std::fs::read(path).expect("it was written")
-    })
+/// The bytes of one demo.
+fn session() -> Vec<u8> {
+    std::fs::read(recorded::session()).expect("it was written")
 }
 
 /// Every reader with the file, and where it may write.
@@ -52,7 +37,7 @@ fn each_reader(file: &Path, mut look: impl FnMut(&str, Option<i32>, &str)) {
     let place = |name: &str| folder.path().join(name).display().to_string();
     let (rrd, tables, repaired) = (place("a.rrd"), place("tables"), place("repaired.mcap"));
     for arguments in readers(text(file), &rrd, &tables, &repaired) {
-        let output = tandem(&arguments);
+        let output = Process::output(&arguments);
         let said = said(&output);
         assert!(!said.contains("panicked"), "{arguments:?}: {said}");
         assert!(!said.trim().is_empty(), "{arguments:?} says nothing");
@@ -148,7 +133,7 @@ fn chunks(file: &[u8]) -> Vec<(usize, usize)> {
 #[test]
 fn a_corrupt_chunk_costs_what_is_in_it_and_is_named() {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut bytes = session().to_vec();
+    let mut bytes = session();
     let (from, to) = *chunks(&bytes).get(1).expect("a session has several chunks");
     bytes[(from + to) / 2] ^= 0x5a;
     let file = written(folder.path(), "corrupt.mcap", &bytes);
@@ -164,10 +149,10 @@ fn a_corrupt_chunk_costs_what_is_in_it_and_is_named() {
 #[test]
 fn seeking_beyond_the_end_is_said_and_writes_nothing() {
     let folder = tempfile::tempdir().expect("a folder");
-    let file = written(folder.path(), "whole.mcap", session());
+    let file = written(folder.path(), "whole.mcap", &session());
     let rrd = folder.path().join("x.rrd");
     let replay = |place: [&str; 2]| {
-        let output = tandem(&["replay", text(&file), "--rrd", text(&rrd), place[0], place[1]]);
+        let output = Process::output(&["replay", text(&file), "--rrd", text(&rrd), place[0], place[1]]);
         let said = said(&output);
         assert!(!said.contains("panicked"), "{place:?}: {said}");
         (output.status.code(), said)
@@ -198,7 +183,7 @@ fn an_arms_description_that_cannot_be_read_is_named() {
         "--urdf",
         text(&urdf),
     ];
-    let output = tandem(&arguments);
+    let output = Process::output(&arguments);
     assert!(matches!(output.status.code(), Some(1 | 2)), "{}", said(&output));
     assert!(said(&output).contains("nowhere.urdf"), "{}", said(&output));
 }

@@ -3,27 +3,21 @@
 
 #![cfg(unix)]
 
+mod process;
+
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
+
+use process::recorded::session;
 
 #[test]
 fn every_key_does_what_the_screen_says() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let session = folder.path().join("demo.mcap");
-    let demo = Command::new(env!("CARGO_BIN_EXE_tandem"))
-        .args(["demo", "--pace", "max", "--seed", "5", "--record"])
-        .arg(&session)
-        .stdin(Stdio::null())
-        .output()
-        .expect("tandem starts");
-    assert!(demo.status.success(), "{}", String::from_utf8_lossy(&demo.stderr));
-
     let python = std::env::var("TANDEM_PYTHON").unwrap_or_else(|_| "python3".into());
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/replay_keys.py");
     let pressed = Command::new(&python)
         .arg(script)
         .arg(env!("CARGO_BIN_EXE_tandem"))
-        .arg(&session)
+        .arg(session())
         .output();
     let Ok(pressed) = pressed else {
         eprintln!("SKIPPED: {python} is not there");

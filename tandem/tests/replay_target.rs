@@ -6,10 +6,10 @@ use std::io::{BufRead as _, BufReader, Read as _};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use process::Process;
+use process::recorded::session;
 use tandem_link::net::free_port;
 use tandem_link::{Link, LinkSettings, Observer, Sighting};
 use tandem_wire::{NodeName, Pace};
@@ -18,23 +18,6 @@ use tandem_wire::{NodeName, Pace};
 const LIMIT: Duration = Duration::from_secs(30);
 /// How often we look.
 const LOOK: Duration = Duration::from_millis(50);
-
-/// One demo in lockstep, recorded once for all tests of this file.
-fn session() -> PathBuf {
-    static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
-    let folder = FOLDER.get_or_init(|| {
-        let folder = tempfile::tempdir().expect("a folder");
-        let demo = Command::new(env!("CARGO_BIN_EXE_tandem"))
-            .args(["demo", "--pace", "max", "--seed", "5", "--record"])
-            .arg(folder.path().join("demo.mcap"))
-            .stdin(Stdio::null())
-            .output()
-            .expect("tandem starts");
-        assert!(demo.status.success(), "{}", String::from_utf8_lossy(&demo.stderr));
-        folder
-    });
-    folder.path().join("demo.mcap")
-}
 
 fn replay(arguments: &[&str]) -> Child {
     Command::new(env!("CARGO_BIN_EXE_tandem"))

@@ -1,44 +1,22 @@
 //! A recorded demo, described, repaired, exported and replayed through the binary.
 
+mod process;
+
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use std::sync::OnceLock;
 use std::time::Duration;
 
+use process::Process;
+use process::recorded::{session, text};
 use serde_json::Value;
 use tandem_link::{Link, LinkSettings, Observer, Sighting};
 use tandem_recorder::Recording;
 use tandem_wire::{Pace, Topic, codec};
 
-fn tandem(arguments: &[&str]) -> Output {
-    let output = Command::new(env!("CARGO_BIN_EXE_tandem"))
-        .args(arguments)
-        .stdin(Stdio::null())
-        .output();
-    output.expect("tandem starts")
-}
-
 fn json(output: &Output) -> Value {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).expect("one JSON object")
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("a plain path")
-}
-
-/// One demo in lockstep, recorded once for all tests of this file.
-fn session() -> PathBuf {
-    static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
-    let folder = FOLDER.get_or_init(|| {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("demo.mcap");
-        let demo = tandem(&["demo", "--pace", "max", "--seed", "5", "--record", text(&path)]);
-        assert!(demo.status.success(), "{}", String::from_utf8_lossy(&demo.stderr));
-        folder
-    });
-    folder.path().join("demo.mcap")
 }
 
 fn recording(path: &Path) -> Recording {
@@ -56,7 +34,7 @@ fn states(recording: &Recording) -> usize {
 
 #[test]
 fn info_says_what_the_session_was() {
-    let info = json(&tandem(&["session", "info", text(&session()), "--json"]));
+    let info = json(&Process::output(&["session", "info", text(&session()), "--json"]));
     assert_eq!(info["robot"], "panda");
     assert_eq!(info["seed"], "5");
     assert_eq!(info["model_sha256"].as_str().map(str::len), Some(64));
@@ -76,7 +54,7 @@ fn info_says_what_the_session_was() {
         list.iter().any(|stop| stop["reason"] == "the deadman is released")
     };
     assert!(released("holds") && !released("stops"), "letting go is no stop: {info}");
-    let people = tandem(&["session", "info", text(&session())]);
+    let people = Process::output(&["session", "info", text(&session())]);
     assert!(String::from_utf8_lossy(&people.stdout).contains("goal reached"));
 }
 
@@ -87,21 +65,21 @@ fn a_file_that_a_crash_cut_short_is_repaired_beside_the_original() {
     let whole = std::fs::read(session()).expect("the file is there");
     // The last tenth holds index and closing; the model lies near the beginning.
     std::fs::write(&cut, &whole[..whole.len() * 9 / 10]).expect("a file");
-    let info = json(&tandem(&["session", "info", text(&cut), "--json"]));
+    let info = json(&Process::output(&["session", "info", text(&cut), "--json"]));
     assert_ne!(info["damage"], serde_json::json!([]));
-    let repair = tandem(&["session", "repair", text(&cut)]);
+    let repair = Process::output(&["session", "repair", text(&cut)]);
     assert!(repair.status.success(), "{}", String::from_utf8_lossy(&repair.stderr));
     let repaired = folder.path().join("cut.repaired.mcap");
     assert_eq!(states(&recording(&repaired)), states(&recording(&cut)));
     assert!(states(&recording(&repaired)) > 0);
-    let again = tandem(&["session", "repair", text(&cut)]);
+    let again = Process::output(&["session", "repair", text(&cut)]);
     assert_eq!(again.status.code(), Some(1), "nothing is overwritten");
 }
 
 #[test]
 fn every_table_has_a_row_for_every_message() {
     let folder = tempfile::tempdir().expect("a folder");
-    let export = tandem(&["session", "export", text(&session()), "--csv", text(folder.path())]);
+    let export = Process::output(&["session", "export", text(&session()), "--csv", text(folder.path())]);
     assert!(export.status.success(), "{}", String::from_utf8_lossy(&export.stderr));
     let recording = recording(&session());
     for topic in [Topic::State, Topic::Setpoint, Topic::Command, Topic::Proposal] {
@@ -138,7 +116,13 @@ fn every_table_has_a_row_for_every_message() {
 fn a_replay_into_a_file_loses_nothing_and_takes_no_time() {
     let folder = tempfile::tempdir().expect("a folder");
     let rrd = folder.path().join("again.rrd");
-    let summary = json(&tandem(&["replay", text(&session()), "--rrd", text(&rrd), "--json"]));
+    let summary = json(&Process::output(&[
+        "replay",
+        text(&session()),
+        "--rrd",
+        text(&rrd),
+        "--json",
+    ]));
     assert_eq!(summary["messages_lost"], 0);
     assert_eq!(summary["messages_played"], recording(&session()).messages.len());
     let (original, replayed) = (session().with_extension("rrd"), rrd);
@@ -175,7 +159,9 @@ fn listen() -> (Observer, Link, String) {
 fn on_the_network_a_replay_shows_what_was_and_commands_nobody() {
     let (observer, link, endpoint) = listen();
     let flags = ["--robot", "ghost", "--connect", &endpoint, "--speed", "max", "--json"];
-    let summary = json(&tandem(&[&["replay", text(&session())], flags.as_slice()].concat()));
+    let summary = json(&Process::output(
+        &[&["replay", text(&session())], flags.as_slice()].concat(),
+    ));
     let mut heard = Vec::new();
     while let Some(sighting) = observer.next(Duration::from_millis(500)) {
         if let Sighting::Sample { topic, bytes, .. } = sighting {
@@ -207,7 +193,7 @@ fn a_topic_is_left_out_or_has_another_name_as_asked() {
     let names = ["--topics", "state,scene", "--rename", "state=pose"];
     let path = session();
     let arguments = [["replay", text(&path)].as_slice(), &flags, &names].concat();
-    let summary = json(&tandem(&arguments));
+    let summary = json(&Process::output(&arguments));
     let mut heard = Vec::new();
     while let Some(sighting) = observer.next(Duration::from_millis(500)) {
         if let Sighting::Sample { topic, .. } = sighting {
@@ -271,7 +257,7 @@ fn a_replay_refuses_what_it_must_not_do() {
     let rrd = folder.path().join("x.rrd");
     let rrd = text(&rrd);
     let replay = |flags: &[&str]| {
-        let output = tandem(&[&["replay", text(&path)], flags].concat());
+        let output = Process::output(&[&["replay", text(&path)], flags].concat());
         (
             output.status.code(),
             String::from_utf8_lossy(&output.stderr).into_owned(),
@@ -305,7 +291,7 @@ fn what_is_no_session_is_named_in_words() {
         let path = folder.path().join("x.mcap");
         std::fs::write(&path, bytes).expect("a file");
         for command in [["session", "info"].as_slice(), &["replay"]] {
-            let output = tandem(&[command, &[text(&path)]].concat());
+            let output = Process::output(&[command, &[text(&path)]].concat());
             let said = String::from_utf8_lossy(&output.stderr).into_owned();
             assert_eq!(output.status.code(), Some(1), "{said}");
             assert!(said.contains(words), "{said}");
@@ -328,7 +314,7 @@ fn another_reader_agrees_about_a_repaired_file() {
     let cut = folder.path().join("cut.mcap");
     let whole = std::fs::read(session()).expect("the file is there");
     std::fs::write(&cut, &whole[..whole.len() * 9 / 10]).expect("a file");
-    assert!(tandem(&["session", "repair", text(&cut)]).status.success());
+    assert!(Process::output(&["session", "repair", text(&cut)]).status.success());
     let repaired = folder.path().join("cut.repaired.mcap");
     let script = "import sys; from mcap.reader import make_reader; from mcap_protobuf.decoder import DecoderFactory\n\
         reader = make_reader(open(sys.argv[1], 'rb'), decoder_factories=[DecoderFactory()])\n\
@@ -370,7 +356,7 @@ fn parts() -> (tempfile::TempDir, PathBuf) {
         "--config",
         text(&config),
     ];
-    let demo = tandem(&flags);
+    let demo = Process::output(&flags);
     assert!(demo.status.success(), "{}", String::from_utf8_lossy(&demo.stderr));
     (folder, path)
 }
@@ -384,14 +370,20 @@ fn the_parts_of_a_session_are_played_verified_and_described_together() {
     });
     let count = count.count();
     assert!(count >= 4, "{count} parts");
-    let info = json(&tandem(&["session", "info", text(&path), "--json"]));
+    let info = json(&Process::output(&["session", "info", text(&path), "--json"]));
     assert_eq!(info["damage"], serde_json::json!([]));
     assert_eq!(info["trials"][0]["outcome"], "goal reached");
     assert_eq!(info["gaps"], serde_json::json!([]));
-    let verified = json(&tandem(&["replay", "--verify", text(&path), "--json"]));
+    let verified = json(&Process::output(&["replay", "--verify", text(&path), "--json"]));
     assert_eq!(verified["verdict"], "identical");
     let rrd = folder.path().join("again.rrd");
-    let played = json(&tandem(&["replay", text(&path), "--rrd", text(&rrd), "--json"]));
+    let played = json(&Process::output(&[
+        "replay",
+        text(&path),
+        "--rrd",
+        text(&rrd),
+        "--json",
+    ]));
     let streams = info["streams"].as_array().expect("streams").iter();
     let received: u64 = streams.filter_map(|stream| stream["received"].as_u64()).sum();
     assert_eq!(
@@ -400,9 +392,15 @@ fn the_parts_of_a_session_are_played_verified_and_described_together() {
     );
     // Named one by one, and one alone.
     let second = folder.path().join("demo_0002.mcap");
-    let two = json(&tandem(&["session", "info", text(&path), text(&second), "--json"]));
+    let two = json(&Process::output(&[
+        "session",
+        "info",
+        text(&path),
+        text(&second),
+        "--json",
+    ]));
     assert!(two["duration_s"].as_f64() < info["duration_s"].as_f64());
-    let alone = json(&tandem(&["session", "info", text(&second), "--json"]));
+    let alone = json(&Process::output(&["session", "info", text(&second), "--json"]));
     // In lockstep a journal's batch is many ticks, and the last ones of a part stand in the next part's.
     let damage = alone["damage"].as_array().expect("damage");
     let is_tail = |damage: &Value| damage.as_str().is_some_and(|text| text.contains("stand in no journal"));
@@ -417,18 +415,18 @@ fn the_parts_of_a_session_are_repaired_together_and_what_is_none_is_left_out() {
     let second = folder.path().join("demo_0002.mcap");
     let whole = std::fs::read(&second).expect("a part");
     std::fs::write(&second, &whole[..whole.len() - 64]).expect("a part without its end");
-    let before = json(&tandem(&["session", "info", text(&path), "--json"]));
+    let before = json(&Process::output(&["session", "info", text(&path), "--json"]));
     assert_ne!(before["damage"], serde_json::json!([]));
     let third = folder.path().join("demo_0003.mcap");
-    let repair = tandem(&["session", "repair", text(&path)]);
+    let repair = Process::output(&["session", "repair", text(&path)]);
     assert!(repair.status.success(), "{}", String::from_utf8_lossy(&repair.stderr));
     let repaired = folder.path().join("demo.repaired.mcap");
-    let after = json(&tandem(&["session", "info", text(&repaired), "--json"]));
+    let after = json(&Process::output(&["session", "info", text(&repaired), "--json"]));
     assert_eq!(after["channels"], before["channels"], "all of what could be read");
     // And with a part that is nothing.
     std::fs::write(&third, b"").expect("a file");
     let to = folder.path().join("again.mcap");
-    let repair = tandem(&["session", "repair", text(&path), "--output", text(&to)]);
+    let repair = Process::output(&["session", "repair", text(&path), "--output", text(&to)]);
     assert_eq!(repair.status.code(), Some(1), "something was left out");
     let said = String::from_utf8_lossy(&repair.stderr);
     assert!(said.contains("demo_0003.mcap is left out"), "{said}");
@@ -441,10 +439,12 @@ fn a_noted_verdict_is_shown_until_the_file_changes() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("noted.mcap");
     std::fs::copy(session(), &path).expect("a copy");
-    let verdict = || json(&tandem(&["session", "info", text(&path), "--json"]))["verdict"].clone();
+    let verdict = || json(&Process::output(&["session", "info", text(&path), "--json"]))["verdict"].clone();
     assert_eq!(verdict(), Value::Null);
     assert_eq!(
-        tandem(&["replay", "--verify", "--note", text(&path)]).status.code(),
+        Process::output(&["replay", "--verify", "--note", text(&path)])
+            .status
+            .code(),
         Some(0)
     );
     assert_eq!(verdict(), "identical");
@@ -457,7 +457,7 @@ fn a_noted_verdict_is_shown_until_the_file_changes() {
 #[test]
 fn there_is_one_row_for_every_tick() {
     let folder = tempfile::tempdir().expect("a folder");
-    let export = tandem(&["session", "export", text(&session()), "--csv", text(folder.path())]);
+    let export = Process::output(&["session", "export", text(&session()), "--csv", text(folder.path())]);
     assert!(export.status.success(), "{}", String::from_utf8_lossy(&export.stderr));
     let table = std::fs::read_to_string(folder.path().join("ticks.csv")).expect("a table");
     let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
@@ -484,7 +484,7 @@ fn there_is_one_row_for_every_tick() {
 fn another_reader_finds_the_same_numbers_in_parquet_and_csv() {
     let folder = tempfile::tempdir().expect("a folder");
     let flags = ["--csv", text(folder.path()), "--parquet", text(folder.path())];
-    let export = tandem(&[&["session", "export", text(&session())], flags.as_slice()].concat());
+    let export = Process::output(&[&["session", "export", text(&session())], flags.as_slice()].concat());
     assert!(export.status.success(), "{}", String::from_utf8_lossy(&export.stderr));
     let state = std::fs::read(folder.path().join("state.parquet")).expect("a table");
     assert!(state.starts_with(b"PAR1") && state.ends_with(b"PAR1"));

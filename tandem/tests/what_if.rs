@@ -1,42 +1,19 @@
 //! A recorded demo met again by another law, through the binary.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
-use std::sync::OnceLock;
+mod process;
 
+use std::path::Path;
+
+use process::Process;
+use process::recorded::{session, text};
 use serde_json::Value;
-
-fn tandem(arguments: &[&str]) -> Output {
-    let output = Command::new(env!("CARGO_BIN_EXE_tandem"))
-        .args(arguments)
-        .stdin(Stdio::null())
-        .output();
-    output.expect("tandem starts")
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("a plain path")
-}
-
-/// One demo in lockstep, recorded once for all tests of this file.
-fn session() -> PathBuf {
-    static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
-    let folder = FOLDER.get_or_init(|| {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("demo.mcap");
-        let demo = tandem(&["demo", "--pace", "max", "--seed", "5", "--record", text(&path)]);
-        assert!(demo.status.success(), "{}", String::from_utf8_lossy(&demo.stderr));
-        folder
-    });
-    folder.path().join("demo.mcap")
-}
 
 fn what_if(flags: &[&str]) -> (Value, tempfile::TempDir) {
     let folder = tempfile::tempdir().expect("a folder");
     let pictures = folder.path().join("pictures");
     let common = ["what-if", text(&session()), "--json", "--out", text(&pictures)].map(str::to_owned);
     let arguments: Vec<&str> = common.iter().map(String::as_str).chain(flags.iter().copied()).collect();
-    let output = tandem(&arguments);
+    let output = Process::output(&arguments);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     (serde_json::from_slice(&output.stdout).expect("one JSON object"), folder)
 }
@@ -106,7 +83,7 @@ fn another_model_and_the_attentive_law_meet_the_same_commands() {
     let demonstrations = ["planar_a08.csv", "planar_a11.csv", "planar_a14.csv"].map(|name| demonstrations.join(name));
     let mut train = vec!["train", "-o", text(&model), "--set", "units=60", "--seed", "3"];
     train.extend(demonstrations.iter().map(|path| text(path)));
-    let trained = tandem(&train);
+    let trained = Process::output(&train);
     assert!(trained.status.success(), "{}", String::from_utf8_lossy(&trained.stderr));
     let (answer, pictures) = what_if(&["--model", text(&model), "--law", "attentive"]);
     assert_eq!(answer["law"], "attentive");
@@ -120,11 +97,11 @@ fn another_model_and_the_attentive_law_meet_the_same_commands() {
 #[test]
 fn what_cannot_be_asked_is_refused_in_words() {
     for law in ["constant=2", "constant=", "fuzzy"] {
-        let output = tandem(&["what-if", text(&session()), "--law", law]);
+        let output = Process::output(&["what-if", text(&session()), "--law", law]);
         assert_eq!(output.status.code(), Some(2), "{law}");
         assert!(String::from_utf8_lossy(&output.stderr).contains("constant=W"), "{law}");
     }
-    let missing = tandem(&["what-if", text(&session()), "--model", "nowhere.cesn"]);
+    let missing = Process::output(&["what-if", text(&session()), "--model", "nowhere.cesn"]);
     assert_ne!(missing.status.code(), Some(0));
     assert!(String::from_utf8_lossy(&missing.stderr).contains("nowhere.cesn"));
 }

@@ -5,6 +5,7 @@
 pub(crate) mod goal;
 #[cfg(unix)]
 pub(crate) mod loops;
+pub(crate) mod recorded;
 
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
